@@ -1,8 +1,8 @@
 //! Conversion between NumPy arrays and numbers of the library.
 //!
-//! An argument may be anything that NumPy converts to an array, with any memory layout, if its numbers are
-//! float64 or convert to it without loss. It is copied, because another Python thread may write to it while the
-//! interpreter is released.
+//! An argument may be any object that NumPy converts to an array, with any memory layout. Its numbers must be
+//! float64 or convert to float64 without loss. The array is copied, because another Python thread may write
+//! to it while the interpreter is released.
 
 use std::f64::consts::TAU;
 use std::ffi::CString;
@@ -27,13 +27,13 @@ pyo3::create_exception!(
 /// An array of any shape.
 pub(crate) type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
-/// Finite numbers and the shape they came in, row-major.
+/// Finite numbers in row-major order, and the shape of the array that they came from.
 pub(crate) struct Numbers {
     pub(crate) shape: Vec<usize>,
     pub(crate) values: Vec<f64>,
 }
 
-/// Any array of finite numbers. `shape` describes the accepted shapes for error messages.
+/// Reads an array of finite numbers. `shape` describes the accepted shapes for error messages.
 pub(crate) fn numbers(
     field: &str,
     shape: &str,
@@ -42,7 +42,7 @@ pub(crate) fn numbers(
     let py = object.py();
     let numpy = py.import("numpy")?;
     let expected = || format!("an array of float64 of shape {shape}");
-    // The copy would contain the masked values.
+    // Reject masked entries, because the copy would contain the masked values.
     let masked = object.hasattr("_mask")?
         && numpy.getattr("ma")?.call_method1("is_masked", (object,))?.is_truthy()?;
     if masked {
@@ -55,7 +55,7 @@ pub(crate) fn numbers(
     })?;
     let kind = array.getattr("dtype")?;
     let fits = numpy.call_method1("can_cast", (&kind, "f8", "safe"))?.is_truthy()?;
-    // NumPy converts a boolean to 0 or 1, also one among numbers.
+    // NumPy converts booleans to 0 or 1, even a single boolean among numbers.
     let boolean = kind.getattr("kind")?.extract::<char>()? == 'b';
     if !fits || boolean {
         return Err(Invalid::new(field, expected(), format!("dtype {kind}")).into());
@@ -77,18 +77,18 @@ pub(crate) fn numbers(
 /// The largest number of axes of a NumPy array.
 const MOST_AXES: usize = 64;
 
-/// Whether nested lists, up to this depth, contain a boolean.
+/// Whether an object, or a list nested in it up to this depth, contains a boolean.
 fn has_boolean(object: &Bound<'_, PyAny>, depth: usize) -> PyResult<bool> {
     if object.is_instance_of::<PyBool>() {
         return Ok(true);
     }
-    // Most entries are of these types, and further checks would be slow.
+    // Most entries have one of these types, and the checks below would be slow.
     if object.is_exact_instance_of::<PyFloat>() || object.is_exact_instance_of::<PyInt>() {
         return Ok(false);
     }
     let listed = object.is_instance_of::<PyList>() || object.is_instance_of::<PyTuple>();
     if !listed || depth == 0 {
-        // NumPy's own booleans.
+        // A NumPy scalar, which may also be a boolean.
         let kind = object.getattr_opt("dtype")?.map(|dtype| dtype.getattr("kind")).transpose()?;
         return Ok(kind.is_some_and(|kind| kind.eq("b").unwrap_or(false)));
     }
@@ -100,8 +100,8 @@ fn has_boolean(object: &Bound<'_, PyAny>, depth: usize) -> PyResult<bool> {
     Ok(false)
 }
 
-/// Warns about the first heading of more than a full turn, which may be in degrees. Every `width`-th number is
-/// a heading.
+/// Warns about the first heading of more than a full turn, because it may be in degrees. Every `width`-th
+/// number is a heading.
 pub(crate) fn warn_of_degrees(
     py: Python<'_>,
     field: &str,
@@ -136,7 +136,7 @@ pub(crate) fn count(field: &str, least: usize, number: i64) -> Result<usize, Err
     found.ok_or_else(|| Invalid::new(field, format!("at least {least}"), number).into())
 }
 
-/// Refuses an array of another shape than `expected` says.
+/// The error for an array whose shape is not `expected`.
 pub(crate) fn wrong_shape(field: &str, expected: &str, shape: &[usize]) -> Error {
     let listed: Vec<_> = shape.iter().map(ToString::to_string).collect();
     let comma = if shape.len() == 1 { "," } else { "" };
@@ -144,7 +144,7 @@ pub(crate) fn wrong_shape(field: &str, expected: &str, shape: &[usize]) -> Error
     Invalid::new(field, format!("an array of shape {expected}"), found).into()
 }
 
-/// Rows of W numbers, and the array shape of the rows.
+/// Rows of W numbers, from an array of shape (…, W).
 pub(crate) struct Rows<const W: usize> {
     /// The array's shape without the last axis.
     pub(crate) shape: Vec<usize>,
@@ -157,7 +157,8 @@ impl<const W: usize> Rows<W> {
     }
 }
 
-/// An array of shape (…, W). Rows of three numbers are poses x, y, ψ.
+/// Reads an array of shape (…, W). Rows of three numbers are taken as poses x, y, ψ, and headings beyond a
+/// full turn cause a warning.
 pub(crate) fn rows<const W: usize>(
     field: &str,
     object: &Bound<'_, PyAny>,
@@ -170,7 +171,7 @@ pub(crate) fn rows<const W: usize>(
     Ok(Rows { shape, values: whole.values })
 }
 
-/// An array of shape (…, width). The shape returned omits the last axis.
+/// Reads an array of shape (…, width). The returned shape lacks the last axis.
 pub(crate) fn rows_of(
     field: &str,
     width: usize,
@@ -185,13 +186,13 @@ pub(crate) fn rows_of(
     Ok(Numbers { shape, values })
 }
 
-/// A pose whose coordinates are at most [`Pose::MOST`] from 0.
+/// Checks that the pose's coordinates are at most [`Pose::MOST`] from 0.
 fn checked(field: &str, state: Pose) -> Result<Pose, Error> {
     state.check().map_err(|invalid| invalid.within(field))?;
     Ok(state)
 }
 
-/// Poses x, y, ψ as an array of shape (n, 3).
+/// Reads poses x, y, ψ from an array of shape (n, 3).
 pub(crate) fn poses(field: &str, object: &Bound<'_, PyAny>) -> Result<Vec<Pose>, Error> {
     let found = rows::<3>(field, object)?;
     match found.shape[..] {
@@ -203,7 +204,7 @@ pub(crate) fn poses(field: &str, object: &Bound<'_, PyAny>) -> Result<Vec<Pose>,
     }
 }
 
-/// An array of shape (n, width): n and the numbers, row-major.
+/// Reads an array of shape (n, width). Returns n, and the numbers in row-major order.
 pub(crate) fn matrix(
     field: &str,
     width: usize,
@@ -217,13 +218,13 @@ pub(crate) fn matrix(
     }
 }
 
-/// An array of shape (n,).
+/// Reads an array of shape (n,).
 pub(crate) fn list(field: &str, object: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
     let Numbers { shape, values } = numbers(field, "(n,)", object)?;
     if shape.len() == 1 { Ok(values) } else { Err(wrong_shape(field, "(n,)", &shape)) }
 }
 
-/// A pose x, y, ψ as an array of shape (3,).
+/// Reads a pose x, y, ψ from an array of shape (3,).
 pub(crate) fn pose(field: &str, object: &Bound<'_, PyAny>) -> Result<Pose, Error> {
     let found = rows::<3>(field, object)?;
     match (found.rows(), found.shape.is_empty()) {
@@ -232,7 +233,8 @@ pub(crate) fn pose(field: &str, object: &Bound<'_, PyAny>) -> Result<Pose, Error
     }
 }
 
-/// Joint states from an array of shape (n, 2, 3) with n ≥ `least`: the poses of the human and of the robot.
+/// Reads joint states, the poses of the human and of the robot, from an array of shape (n, 2, 3) with n ≥
+/// `least`.
 pub(crate) fn joint_states(
     field: &str,
     least: usize,
@@ -258,7 +260,7 @@ pub(crate) fn joint_states(
         .collect()
 }
 
-/// An array of this shape from row-major `values`, whose number must match.
+/// Makes an array of this shape from row-major `values`. Their number must match the shape.
 pub(crate) fn shaped<'py, T: Element>(
     py: Python<'py>,
     values: Vec<T>,
@@ -267,7 +269,7 @@ pub(crate) fn shaped<'py, T: Element>(
     values.into_pyarray(py).reshape(shape)
 }
 
-/// Points as an array of shape (n, 2).
+/// Makes an array of shape (n, 2) from points.
 pub(crate) fn points<'py>(
     py: Python<'py>,
     points: &[[f64; 2]],
@@ -275,7 +277,7 @@ pub(crate) fn points<'py>(
     points.as_flattened().to_vec().into_pyarray(py).reshape([points.len(), 2])
 }
 
-/// Joint states as an array of shape (n, 2, 3).
+/// Makes an array of shape (n, 2, 3) from joint states.
 pub(crate) fn states_array<'py>(py: Python<'py>, states: &[JointState]) -> PyResult<Array<'py>> {
     let poses = states.iter().flat_map(|state| [state.human, state.robot]);
     shaped(py, poses.flat_map(<[f64; 3]>::from).collect(), &[states.len(), 2, 3])

@@ -12,34 +12,35 @@ use crate::human::{Human, Model};
 use crate::scalars::{some_real, some_whole, some_wholes};
 use crate::vehicles::SceneParameters;
 
-/// Bounds on the human's turn rate for each coming step and each set (Algorithm 1).
+/// Bounds on the human's turn rate for each future step and each set, by Algorithm 1.
 ///
 /// Parameters
 /// ----------
 /// history : array of float64, shape (n, 2, 3), n ≥ 1
 ///     Joint states from the start of the trial to now, one per step: the poses (x, y, ψ) of the human and of
-///     the robot in the world frame, m, m, rad.
+///     the robot in the world frame (m, m, rad).
 /// model : Predictor or ActionModel
-///     Probabilities of the human's actions.
+///     Model of the probabilities of the human's actions.
 /// epsilon : array of float64, shape (m,)
-///     By how much each set widens the bounds, rad/s; increasing, ≥ 0.
+///     By how much each set widens the bounds (rad/s); ≥ 0 and ascending.
 /// k : list of int, optional
-///     Number of the likeliest actions that count at each coming step; actions tied with the last of them count
-///     too.
+///     How many of the most probable actions count at each future step. Actions that tie with the last of
+///     these also count.
 /// tau, steps : float and int, optional
-///     Instead of `k`: the probability in (0, 1] from which an action counts, and the number of coming steps.
+///     Instead of `k`: a probability threshold in (0, 1], and the number of future steps. An action counts if
+///     its probability is at least min(tau, the largest probability).
 /// rollout : {"base", "paper"}
-///     Bounds that the simulations within Algorithm 1 follow: before widening by ε ("base"), or of F_1
-///     ("paper").
+///     Which bounds the simulations within Algorithm 1 follow: the bounds before widening by ε ("base"), or
+///     the bounds of F_1 ("paper").
 /// parameters : SceneParameters, optional
-///     The paper's by default.
+///     By default the paper's.
 /// safety : SafetyLevels, optional
 ///     Required if the vehicles differ and a feature of the model is a safety level.
 ///
 /// Returns
 /// -------
 /// lo, hi : array of float64, shape (m, T)
-///     Lowest and highest turn rate, rad/s, left positive.
+///     Lowest and highest turn rate (rad/s, left positive).
 #[pyfunction]
 #[pyo3(signature = (history, model, epsilon, k=None, *, tau=None, steps=None, rollout="base", parameters=None, safety=None))]
 #[allow(clippy::too_many_arguments, reason = "most are optional, and Python names them")]
@@ -66,7 +67,7 @@ pub(crate) fn bounds<'py>(
     stacked(py, found.sets.iter())
 }
 
-/// Bounds of m sets of T steps as two arrays of shape (m, T).
+/// Stacks the bounds of m sets of T steps into two arrays of shape (m, T).
 pub(crate) fn stacked<'py, 'a>(
     py: Python<'py>,
     sets: impl Iterator<Item = &'a InputBounds> + Clone,
@@ -77,7 +78,7 @@ pub(crate) fn stacked<'py, 'a>(
     Ok((shaped(py, lo, &shape)?, shaped(py, hi, &shape)?))
 }
 
-/// The choice of actions: `k`, or `tau` with a number of `steps`.
+/// The rule that selects actions: `k`, or `tau` together with a number of `steps`.
 pub(crate) fn choice(
     k: Option<Vec<i64>>,
     tau: Option<f64>,
@@ -107,7 +108,7 @@ pub(crate) fn choice(
     Ok(choice)
 }
 
-/// Refuses more than [`MOST_STEPS`] steps.
+/// Rejects more than [`MOST_STEPS`] steps.
 pub(crate) fn few_steps(field: &str, steps: usize) -> Result<(), Error> {
     if steps <= MOST_STEPS {
         return Ok(());
@@ -115,7 +116,7 @@ pub(crate) fn few_steps(field: &str, steps: usize) -> Result<(), Error> {
     Err(Invalid::new(field, format!("at most {MOST_STEPS} steps"), steps).into())
 }
 
-/// Parses the kind of roll-outs.
+/// Parses the argument `rollout`.
 pub(crate) fn rolled_out(word: &str) -> Result<Rollout, Error> {
     let known = [Rollout::Base, Rollout::Paper];
     let found = known.into_iter().find(|rollout| rollout.word() == word);

@@ -1,4 +1,4 @@
-//! Calibration of ε on recorded trajectories, so that sets contain what people do.
+//! Calibration of ε on recorded trajectories, so that predicted sets contain what people do.
 
 use std::path::PathBuf;
 
@@ -27,39 +27,39 @@ use crate::shfrs_settings::ShfrsSettings;
 use crate::trajectory::Trajectory;
 use crate::vehicles::SceneParameters;
 
-/// The calibrated ε, and its guarantee.
+/// The calibrated ε and its guarantee.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct Calibration {
-    /// By how much F_1 widens the bounds, rad/s.
+    /// By how much F_1 widens the bounds (rad/s).
     #[pyo3(get)]
     epsilon: f64,
     /// The probability p that a trajectory stays inside F_1.
     #[pyo3(get)]
     p: f64,
-    /// The probability δ that the calibration may fail; `None` for a guarantee on average.
+    /// The probability δ that the calibration may fail. `None` if the guarantee holds on average.
     #[pyo3(get)]
     delta: Option<f64>,
     /// The guarantee in words, with its scope and the number of trajectories.
     #[pyo3(get)]
     statement: String,
-    /// Settings with two sets: F_1, and one that admits every turn rate.
+    /// Settings with two sets: F_1, and a set that admits every turn rate.
     #[pyo3(get)]
     settings: ShfrsSettings,
     scores: Scores,
     human: Human,
 }
 
-/// An upper bound on the probability that the human touches a robot that drives a plan.
+/// An upper bound on the probability that the human touches a robot that follows a plan.
 #[pyclass(frozen, eq, module = "sidestep")]
 #[derive(PartialEq)]
 pub(crate) struct CollisionBound {
     /// Upper bound on the probability that the human comes within the footprint at some instant of the plan.
     #[pyo3(get)]
     at_most: f64,
-    /// The largest set of which the plan is clear, counted from 0; `None` if there is none.
+    /// Index, from 0, of the largest set that the plan is clear of. `None` if the plan is clear of no set.
     #[pyo3(get)]
     set: Option<usize>,
-    /// The clearance that a plan must exceed to be clear of a set, m.
+    /// A plan is clear of a set if its clearance exceeds this margin (m).
     #[pyo3(get)]
     margin_m: f64,
     /// The meaning and assumptions of the bound, to print beside it.
@@ -96,19 +96,20 @@ impl CollisionBound {
 
 #[pymethods]
 impl Calibration {
-    /// The score of each window, in increasing order, rad/s: the least ε whose set contains it. Shape (n,).
+    /// The score of each window (rad/s), in increasing order. The score is the smallest ε whose set contains
+    /// the window. Shape (n,).
     #[getter]
     fn scores<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.scores.sorted().to_vec().into_pyarray(py)
     }
 
-    /// Writes the calibration as JSON: the scores, the settings, the parameters and the model.
+    /// Writes the calibration to a JSON file: the scores, the settings, the parameters and the model.
     ///
     /// Raises
     /// ------
     /// ValueError
-    ///     If the model is an `ActionModel`, because a file cannot contain a Python function. `pickle` can
-    ///     store such a calibration if it can pickle the function.
+    ///     If the model is an `ActionModel`, because a file cannot contain a Python function. Use `pickle`
+    ///     for such a calibration, if it can pickle the function.
     fn save(&self, path: PathBuf) -> Result<(), Error> {
         let Some(predictor) = self.human.predictor() else {
             let expected =
@@ -134,13 +135,13 @@ impl Calibration {
     /// ----------
     /// path : path
     /// safety : SafetyLevels, optional
-    ///     Required if the vehicles differ and a feature of the model is a safety level: the file does not
-    ///     contain them.
+    ///     Required if the vehicles differ and a feature of the model is a safety level, because the file
+    ///     does not contain the safety levels.
     ///
     /// Raises
     /// ------
     /// ValueError
-    ///     If the file is malformed, has another format version, or its ε does not match its scores.
+    ///     If the file is malformed or has another format version, or if its ε does not match its scores.
     #[staticmethod]
     #[pyo3(signature = (path, *, safety=None))]
     fn load(py: Python<'_>, path: PathBuf, safety: Option<SafetyLevels>) -> Result<Self, Error> {
@@ -186,7 +187,7 @@ impl Calibration {
         Ok((slf.get_type().getattr("_of")?, parts))
     }
 
-    /// The same scores, guarantee, settings, model and parameters.
+    /// Whether both have the same scores, guarantee, settings, model and parameters.
     fn __eq__(&self, other: &Self) -> bool {
         (self.p, self.delta, &self.scores) == (other.p, other.delta, &other.scores)
             && self.settings == other.settings
@@ -202,30 +203,30 @@ impl Calibration {
     /// Parameters
     /// ----------
     /// prediction : Shfrs or OnlinePredictor
-    ///     Predicted now, with the calibration's model, parameters and choice of actions, and with `base`
-    ///     roll-outs.
+    ///     A current prediction with the calibration's model, parameters and choice of actions, and with
+    ///     `base` roll-outs.
     /// plan, radius_m, corners, most_speed_mps, most_turn_rate_radps
     ///     As for `Shfrs.clear`.
     /// accuracy_m : float, optional
-    ///     As for `Shfrs.clear`, 0.02 by default; an `OnlinePredictor` has its own.
+    ///     As for `Shfrs.clear`, by default 0.02. Not allowed with an `OnlinePredictor`, which has its own.
     /// delta : float, optional
-    ///     Probability that the bounds of all sets together may fail, in (0, 1); by default that of the
+    ///     Probability, in (0, 1), that any of the bounds of the sets fails. By default the `delta` of the
     ///     calibration.
     ///
     /// Returns
     /// -------
     /// CollisionBound
-    ///     At most this share of people leave the largest set of which the plan is clear by `margin_m`; 1 if
-    ///     there is no such set. With `delta` shared among several sets that do not admit everything, it can
-    ///     exceed 1 − p for F_1.
+    ///     Based on the largest set that the plan is clear of by `margin_m`: at most this share of people
+    ///     leave that set. The bound is 1 if the plan is clear of no set. All sets that do not admit every
+    ///     turn rate share `delta`, so the bound for F_1 can exceed 1 − p.
     ///
     /// Raises
     /// ------
     /// ValueError
-    ///     If the sets were predicted with other settings, or there is no `delta`. If the human's vehicle
-    ///     cannot drive the human's last step to a millimetre and a milliradian (a human who stands still, for
-    ///     example): the calibration had no such trajectory; `assume_vehicle` does not change this. Also as for
-    ///     `Shfrs.clear`.
+    ///     If the sets were predicted with other settings, or if there is no `delta`. If the human's vehicle
+    ///     cannot have driven the human's last step, to a millimetre and a milliradian (for example if the
+    ///     human stands still), because the calibration had no such trajectory; `assume_vehicle` does not
+    ///     change this. Also as for `Shfrs.clear`.
     #[pyo3(signature = (prediction, plan, radius_m, *, delta=None, corners=None, most_speed_mps=None, most_turn_rate_radps=None, accuracy_m=None))]
     #[allow(clippy::too_many_arguments, reason = "most are optional, and Python names them")]
     fn collision<'py>(
@@ -292,11 +293,11 @@ impl Calibration {
     }
 }
 
-/// Scores, p, δ, settings, and the arguments of the human.
+/// Scores, p, δ, the settings, and the arguments of the human model.
 type Parts<'py> = (Vec<f64>, f64, Option<f64>, ShfrsSettings, Arguments<'py>);
 
 impl Calibration {
-    /// Calibrates on these scores, with a guarantee.
+    /// Computes ε and its guarantee from these scores.
     fn new(
         human: Human,
         settings: &ShfrsSettings,
@@ -314,12 +315,12 @@ impl Calibration {
     }
 }
 
-/// The sets to compare a plan with.
+/// The prediction that a plan is compared with.
 #[derive(FromPyObject)]
 pub(crate) enum Predicted<'py> {
-    /// Predicted once.
+    /// Sets that were predicted once.
     Sets(Bound<'py, Shfrs>),
-    /// Predicted in a loop.
+    /// A predictor that runs in a loop.
     Online(Bound<'py, OnlinePredictor>),
 }
 
@@ -366,7 +367,7 @@ impl Predicted<'_> {
     }
 }
 
-/// Refuses fewer windows than the guarantee needs, and explains the shortage.
+/// Rejects fewer windows than the guarantee needs. The error gives the reason `lack` for the missing windows.
 fn enough(
     windows: &[Window<'_>],
     trajectories: usize,
@@ -389,32 +390,32 @@ fn enough(
     Err(Invalid::new("trajectories", expected, format!("{found}{why}")))
 }
 
-/// Calibrates the least ε whose sets contain a share p of trajectories, with a guarantee.
+/// Calibrates the smallest ε whose sets contain a share p of trajectories, with a guarantee.
 ///
-/// The choice of actions is not calibrated: the command `sidestep shfrs` and Rust's `tune` choose `k` or `tau`.
-/// The model must not have been trained on these trajectories; otherwise there is no guarantee.
+/// The choice of actions is not calibrated; the command `sidestep shfrs` and Rust's `tune` choose `k` or
+/// `tau`. The model must not have been trained on these trajectories; otherwise there is no guarantee.
 ///
 /// Parameters
 /// ----------
 /// trajectories : list of Trajectory
-///     A flat list of independent trajectories, of people and scenes like those to be predicted. In every step
-///     the human must move as the human's vehicle of `parameters` can, and turn at the given turn rate, to a
-///     millimetre and a milliradian; tracks of pedestrians do not, and are refused.
+///     A flat list of independent trajectories. Their people and scenes must be like those to be predicted.
+///     In every step the human must move as the human's vehicle of `parameters` can, and turn at the given
+///     turn rate, to a millimetre and a milliradian. Tracks of pedestrians do not, and are rejected.
 /// model : Predictor or ActionModel
-///     Probabilities of the human's actions.
+///     Model of the probabilities of the human's actions.
 /// settings : ShfrsSettings
-///     Choice of actions and number of steps. ε and the kind of roll-out are ignored: roll-outs are `base`.
+///     Choice of actions and number of steps. ε and the kind of roll-outs are ignored; roll-outs are `base`.
 /// p : float
-///     The required probability in (0, 1) that a trajectory stays inside.
+///     The required probability, in (0, 1), that a trajectory stays inside.
 /// delta : float or None
-///     Probability that the calibration may fail, in (0, 1), by default 0.05; `None` guarantees p on average
+///     Probability, in (0, 1), that the calibration may fail; by default 0.05. `None` guarantees p on average
 ///     over calibrations.
 /// windows : {"random_one", "avoidance_onset"}
-///     The window of each trajectory: T steps from a random step, or from the first turn.
+///     The window of each trajectory: T steps from a random step, or T steps from the first turn.
 /// seed : int
-///     Seed of the random steps, ≥ 0.
+///     Seed for the random steps, ≥ 0.
 /// parameters : SceneParameters, optional
-///     The paper's by default.
+///     By default the paper's.
 /// safety : SafetyLevels, optional
 ///     Required if the vehicles differ and a feature of the model is a safety level.
 ///
@@ -426,7 +427,7 @@ fn enough(
 /// ------
 /// ValueError
 ///     If there are too few trajectories for the guarantee; the message says how many are needed. If a human
-///     did not drive like the vehicle: no ε gives sets that contain such trajectories.
+///     did not drive like the vehicle, because no ε gives sets that contain such a trajectory.
 #[pyfunction]
 #[pyo3(signature = (trajectories, model, settings, *, p=0.9, delta=Some(0.05), windows="random_one", seed=0, parameters=None, safety=None))]
 #[allow(clippy::too_many_arguments, reason = "most are optional, and Python names them")]

@@ -1,4 +1,4 @@
-//! Errors, as Python exceptions.
+//! Conversion of errors to Python exceptions.
 
 use pyo3::PyErr;
 use pyo3::exceptions::PyValueError;
@@ -7,9 +7,10 @@ use sidestep::invalid::Invalid;
 
 /// The reason why a function failed.
 pub(crate) enum Error {
-    /// An argument is not accepted: a `ValueError`.
+    /// An invalid argument. Becomes a `ValueError`.
     Invalid(Invalid),
-    /// An exception raised by Python itself, such as `KeyboardInterrupt`, or by a callable.
+    /// An exception that Python itself raised, such as `KeyboardInterrupt`, or that a callable
+    /// raised.
     Raised(PyErr),
 }
 
@@ -35,7 +36,7 @@ impl From<Error> for PyErr {
 }
 
 impl Error {
-    /// The error for a document, called `field`, that could not be read.
+    /// The error for a document that could not be read. `field` names the document.
     pub(crate) fn unread(field: &str, unread: Unread) -> Self {
         match unread {
             Unread::NotJson(what) => Invalid::new(field, "JSON", what).into(),

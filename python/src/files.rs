@@ -1,4 +1,4 @@
-//! File access with Python's exceptions.
+//! File access whose errors are Python exceptions.
 
 use std::fs::{self, File};
 use std::io::{self, Read};
@@ -10,10 +10,10 @@ use sidestep::invalid::Invalid;
 
 use crate::error::Error;
 
-/// Largest number of bytes read from a file: a NumPy archive without extensions is no longer.
+/// Maximum number of bytes read from a file. A NumPy archive without extensions is never longer.
 const MOST_BYTES: u64 = 1 << 32;
 
-/// Reads a file of at most 4 GiB. Refuses devices and pipes, which may be endless.
+/// Reads a file of at most 4 GiB. Rejects devices and pipes, because they may be endless.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>, Error> {
     let about = fs::metadata(path).map_err(|error| raised(&error, path))?;
     if !about.is_file() && !about.is_dir() {
@@ -29,18 +29,18 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>, Error> {
     }
     let mut bytes = Vec::with_capacity(about.len() as usize);
     let file = File::open(path).map_err(|error| raised(&error, path))?;
-    // The file may grow meanwhile.
+    // The file may have grown since its length was read.
     file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|error| raised(&error, path))?;
     if bytes.len() as u64 > MOST_BYTES { too_long(bytes.len() as u64) } else { Ok(bytes) }
 }
 
-/// Writes a whole file.
+/// Writes a file and replaces its content.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     fs::write(path, bytes).map_err(|error| raised(&error, path))
 }
 
-/// An `OSError` that names the file. Python selects the subclass, such as `FileNotFoundError`, by the error
-/// number.
+/// An `OSError` that names the file. From the error number, Python selects the subclass, such as
+/// `FileNotFoundError`.
 fn raised(error: &io::Error, path: &Path) -> Error {
     let path = path.display().to_string();
     let raised: PyErr = match error.raw_os_error() {

@@ -1,4 +1,4 @@
-//! Value functions as objects: solved, evaluated, stored in files.
+//! Value functions as objects: solving, evaluation and files.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -24,7 +24,7 @@ use crate::scalars::{self, horizon, real, some_real, some_whole};
 use crate::value::{States, checked, state_of, value_of};
 use crate::vehicles::{PursuitGame, SceneParameters};
 
-/// The value of a game at any relative state, created by `solve`.
+/// The value function V of a game at any relative state, created by `solve`.
 #[pyclass(frozen, eq, from_py_object, module = "sidestep")]
 #[derive(Clone, PartialEq)]
 pub(crate) struct ValueFunction(pub(crate) reachability::ValueFunction);
@@ -36,14 +36,14 @@ impl ValueFunction {
     /// Parameters
     /// ----------
     /// states : array of float64, shape (…, 3)
-    ///     The pursuer's poses (x, y, ψ) in the evader's frame, m, m, rad.
+    ///     The pursuer's poses (x, y, ψ) in the evader's frame (m, m, rad).
     /// threads : int, optional
     ///     Maximum number of threads; by default the number of processors.
     ///
     /// Returns
     /// -------
     /// array of float64, shape (…,)
-    ///     V, m; at ≤ 0 the pursuer can force a collision.
+    ///     V (m). If V ≤ 0, the pursuer can force a collision.
     #[pyo3(signature = (states, *, threads=None))]
     fn value<'py>(
         &self,
@@ -58,23 +58,23 @@ impl ValueFunction {
     /// Parameters
     /// ----------
     /// states : array of float64, shape (…, 3)
-    ///     The pursuer's poses (x, y, ψ) in the evader's frame, m, m, rad.
+    ///     The pursuer's poses (x, y, ψ) in the evader's frame (m, m, rad).
     /// threads : int, optional
     ///     Maximum number of threads; by default the number of processors.
     ///
     /// Returns
     /// -------
     /// value : array of float64, shape (…,)
-    ///     V, m.
+    ///     V (m).
     /// gradient : array of float64, shape (…, 3)
-    ///     (∂V/∂x, ∂V/∂y, ∂V/∂ψ), m/m, m/m, m/rad; one-sided where V has a kink.
+    ///     (∂V/∂x, ∂V/∂y, ∂V/∂ψ) in m/m, m/m and m/rad; one-sided where V has a kink.
     /// turns : array of float64, shape (…, 2)
-    ///     Optimal turn rates of the evader and of the pursuer, rad/s, left positive.
+    ///     Optimal turn rates of the evader and of the pursuer (rad/s, left positive).
     /// inside : array of bool, shape (…,)
-    ///     Whether the state is inside the solved grid, `domain`. Outside, V is an estimate (the range less the
-    ///     radius, plus the deficit at the nearest point of the grid's boundary) and may be metres too large:
-    ///     solve with a larger `range_m`. Inside, V is that of the grid; for a faster pursuer a larger grid may
-    ///     give other values, see `solve`.
+    ///     Whether the state is inside the solved grid, `domain`. Outside, V is an estimate and may be metres
+    ///     too large: it is the range less the radius, plus the deficit at the nearest point of the grid's
+    ///     boundary. In that case, solve with a larger `range_m`. Inside, V is the grid's value. For a faster
+    ///     pursuer, a larger grid may give other values, see `solve`.
     #[pyo3(signature = (states, *, threads=None))]
     fn state<'py>(
         &self,
@@ -89,14 +89,14 @@ impl ValueFunction {
     /// Parameters
     /// ----------
     /// states : array of float64, shape (…, 3)
-    ///     The pursuer's poses (x, y, ψ) in the evader's frame, m, m, rad.
+    ///     The pursuer's poses (x, y, ψ) in the evader's frame (m, m, rad).
     /// threads : int, optional
     ///     Maximum number of threads; by default the number of processors.
     ///
     /// Returns
     /// -------
     /// array of float64, shape (…, 3)
-    ///     (∂V/∂x, ∂V/∂y, ∂V/∂ψ), m/m, m/m, m/rad; one-sided where V has a kink.
+    ///     (∂V/∂x, ∂V/∂y, ∂V/∂ψ) in m/m, m/m and m/rad; one-sided where V has a kink.
     #[pyo3(signature = (states, *, threads=None))]
     fn gradient<'py>(
         &self,
@@ -106,26 +106,27 @@ impl ValueFunction {
         Ok(state_of(states, &self.0, threads)?.1)
     }
 
-    /// The set {V ≤ level} at one relative heading, as polygons.
+    /// The sublevel set {V ≤ level} at one relative heading, as polygons.
     ///
     /// Parameters
     /// ----------
     /// psi : float
-    ///     The pursuer's heading relative to the evader's, rad.
+    ///     The pursuer's heading relative to the evader's (rad).
     /// level : float
-    ///     m, above −R: at or below −R the set is at most the point where both vehicles are.
+    ///     The level (m). Must be above −R: at or below −R the set is at most the point where both vehicles
+    ///     are.
     /// flatness_m : float
-    ///     Closed form: largest distance between the curve and an edge, m; at least 10⁻⁶ R. It may be exceeded
-    ///     for a curve hundreds of radii long, because a polygon has at most a few thousand points.
+    ///     For the closed form: maximum distance between the curve and an edge (m), at least 10⁻⁶ R. A curve
+    ///     hundreds of radii long may exceed it, because a polygon has at most a few thousand points.
     /// spacing_m : float
-    ///     Solved grid: largest distance between neighbouring points, m; at least 10⁻³ R.
+    ///     For a solved grid: maximum distance between neighbouring points (m), at least 10⁻³ R.
     ///
     /// Returns
     /// -------
     /// list of array of float64, shape (n, 2)
-    ///     Closed polygons (x, y) in the evader's frame, m, with the set on their left; the first vertex is not
-    ///     repeated. Empty if the set is empty. A set that extends beyond the grid, `domain`, is closed along
-    ///     the grid's edge.
+    ///     Closed polygons (x, y) in the evader's frame (m), with the set on their left. The first vertex is
+    ///     not repeated. The list is empty if the set is empty. A set that extends beyond the grid, `domain`,
+    ///     is closed along the grid's edge.
     #[pyo3(signature = (psi, level=0.0, *, flatness_m=0.01, spacing_m=0.15))]
     fn level_curves<'py>(
         &self,
@@ -155,13 +156,13 @@ impl ValueFunction {
         PursuitGame(self.0.game())
     }
 
-    /// Whether it is the closed form.
+    /// Whether V is the closed form.
     #[getter]
     fn exact(&self) -> bool {
         matches!(self.0, reachability::ValueFunction::Exact(_))
     }
 
-    /// Duration of the game, s; infinite for the converged value.
+    /// Duration of the game (s). Infinite for the converged value.
     #[getter]
     fn horizon_s(&self) -> f64 {
         match &self.0 {
@@ -170,7 +171,7 @@ impl ValueFunction {
         }
     }
 
-    /// How much V still changed when the solver stopped without converging, m; `None` if it converged or the
+    /// How much V still changed (m) when the solver stopped without converging. `None` if it converged or the
     /// horizon is finite. This is not an error bound: the difference from the converged value is unknown, and
     /// in a chase it can be much larger. For a faster pursuer V also depends on the range of the grid, see
     /// `solve`.
@@ -179,10 +180,11 @@ impl ValueFunction {
         self.0.unsettled_m()
     }
 
-    /// Extent of the solver's grid: the lowest and highest value of its coordinates, m.
+    /// Extent of the solver's grid: the lowest and the highest value of its coordinates (m).
     ///
-    /// `{"range": (0.0, …)}` in polar coordinates, `{"x": (…, …), "y": (…, …)}` for a rectangular grid, in the
-    /// evader's frame; headings cover the full circle. `None` for the closed form, which is valid everywhere.
+    /// In the evader's frame: `{"range": (0.0, …)}` in polar coordinates, and `{"x": (…, …), "y": (…, …)}`
+    /// for a rectangular grid. Headings cover the full circle. `None` for the closed form, which is valid
+    /// everywhere.
     #[getter]
     fn domain(&self) -> Option<BTreeMap<&'static str, (f64, f64)>> {
         let reachability::ValueFunction::Sampled(sampled) = &self.0 else {
@@ -196,17 +198,17 @@ impl ValueFunction {
         })
     }
 
-    /// Writes the function to a file, which `load`, the command `sidestep` and the laboratory read.
+    /// Writes the function to a file, which `load`, the command `sidestep` and the laboratory can read.
     ///
-    /// `load` returns an equal function (`==`). With `rounded`, the file has a third of the size: the values on
-    /// the nodes of a solved grid are rounded to a millimetre (for a radius of about 3 m); saving a rounded
-    /// function again does not change it. The closed form is never rounded.
+    /// `load` returns an equal function (`==`). With `rounded`, the values on the nodes of a solved grid are
+    /// rounded to a millimetre (for a radius of about 3 m), and the file is a third as large. Saving a
+    /// rounded function again does not change it. The closed form is never rounded.
     ///
     /// Parameters
     /// ----------
     /// path : path
     /// rounded : bool
-    ///     Whether to round, as in the laboratory's files.
+    ///     Whether to round, as the laboratory's files do.
     #[pyo3(signature = (path, *, rounded=false))]
     fn save(&self, py: Python<'_>, path: PathBuf, rounded: bool) -> Result<(), Error> {
         let function = &self.0;
@@ -217,7 +219,7 @@ impl ValueFunction {
         })
     }
 
-    /// Reads a function that `save` wrote.
+    /// Reads a function from a file that `save` wrote.
     ///
     /// Raises
     /// ------
@@ -229,7 +231,7 @@ impl ValueFunction {
         py.detach(|| Self::from_bytes(&read(&path)?))
     }
 
-    /// Restores a function from the bytes of `__reduce__`.
+    /// Restores a function from the bytes that `__reduce__` returned.
     #[staticmethod]
     #[pyo3(name = "_from_bytes")]
     fn unpickled(bytes: Cow<'_, [u8]>) -> Result<Self, Error> {
@@ -260,7 +262,7 @@ impl ValueFunction {
 
 impl ValueFunction {
     fn from_bytes(bytes: &[u8]) -> Result<Self, Error> {
-        // The header is a JSON object.
+        // The file's header is a JSON object.
         if bytes.first() != Some(&b'{') {
             let expected = "a file of `ValueFunction.save`";
             return Err(Invalid::new("value function", expected, "other bytes").into());
@@ -273,36 +275,37 @@ impl ValueFunction {
     }
 }
 
-/// Solves for the value function of a game. Ctrl-C cancels it.
+/// Solves for the value function of a game. Ctrl-C cancels the solve.
 ///
-/// The grid is bounded. For a finite horizon it just covers the states where V is at most half the radius, and
-/// V outside is an estimate that may be metres too large (`ValueFunction.state`); a `range_m` sets another
+/// The grid is bounded. For a finite horizon, it just covers the states where V is at most half the radius.
+/// Outside, V is an estimate that may be metres too large (`ValueFunction.state`). `range_m` sets another
 /// extent.
 ///
-/// Without a horizon, a faster pursuer may win chases that lead beyond the edge of the grid. The solver counts
-/// those as escapes: V at such states, and along the chase, is then metres too large, although `inside` is true
-/// and `unsettled_m` is small or `None`. Solve again with twice the `range_m` and a finer `accuracy`; where V
-/// changes by more than you can tolerate, the range was too small.
+/// Without a horizon, a faster pursuer may win chases that lead beyond the edge of the grid. The solver
+/// counts such a chase as an escape. V is then metres too large at its initial state and along the chase,
+/// although `inside` is true and `unsettled_m` is small or `None`. Solve again with twice the `range_m` and a
+/// finer `accuracy`. Where V changes by more than you can tolerate, the range was too small.
 ///
 /// Parameters
 /// ----------
 /// game : PursuitGame
 /// horizon_s : float
-///     Duration of the game, s, > 0; infinite, the default, for the converged value.
+///     Duration of the game (s), > 0. The default, infinity, gives the converged value.
 /// method : {"exact", "polar", "cartesian"}, optional
-///     By default the best one: the closed form for identical vehicles and an infinite horizon, otherwise polar
-///     coordinates.
+///     By default the best one: the closed form for identical vehicles and an infinite horizon, otherwise
+///     polar coordinates.
 /// accuracy : {"draft", "standard", "fine"}
 ///     Determines the number of nodes of the grid.
 /// range_m : float, optional
-///     The largest range of the polar method, m, above the radius; `ValueFunction.domain` has the default
-///     chosen. A larger range has the same number of nodes, farther apart.
+///     The maximum range of the polar method (m), above the radius. `ValueFunction.domain` shows the default.
+///     A larger range has the same number of nodes, with a larger spacing.
 /// threads : int, optional
-///     Maximum number of threads for a finite horizon or the Cartesian method; by default all processors.
+///     Maximum number of threads for a finite horizon or the Cartesian method; by default the number of
+///     processors.
 /// progress : callable, optional
-///     Called as `progress(done, residual)` about ten times a second: the share of the steps done, 0 to 1, and
-///     the largest change of V per second. For a finite horizon the residual says nothing about accuracy. If it
-///     raises an exception, solving stops.
+///     Called as `progress(done, residual)` about ten times a second, with the share of the steps that are
+///     done (0 to 1) and the largest change of V per second. For a finite horizon, the residual says nothing
+///     about accuracy. If `progress` raises an exception, the solve stops.
 ///
 /// Returns
 /// -------
@@ -342,7 +345,7 @@ pub(crate) fn solve(
 /// Parameters
 /// ----------
 /// parameters : SceneParameters
-///     If the vehicles differ, both games are solved, which takes several seconds; Ctrl-C cancels it.
+///     If the vehicles differ, both games are solved, which takes several seconds. Ctrl-C cancels the solve.
 /// progress : callable, optional
 ///     As for `solve`, for one game after the other.
 #[pyclass(frozen, eq, from_py_object, module = "sidestep")]
@@ -363,7 +366,7 @@ impl SafetyLevels {
         watched(py, progress.as_ref(), solve).map(Self)
     }
 
-    /// Safety levels from these two functions.
+    /// Creates safety levels from these two functions.
     #[staticmethod]
     #[pyo3(name = "_of")]
     fn of(human: ValueFunction, robot: ValueFunction) -> Self {
@@ -376,20 +379,20 @@ impl SafetyLevels {
         Ok((slf.get_type().getattr("_of")?, (slf.get().human(), slf.get().robot())))
     }
 
-    /// V_HR: the human evades; its states are the robot's poses in the human's frame.
+    /// V_HR, in which the human evades. Its states are the robot's poses in the human's frame.
     #[getter]
     fn human(&self) -> ValueFunction {
         ValueFunction(self.0.human.clone())
     }
 
-    /// V_RH: the robot evades; its states are the human's poses in the robot's frame.
+    /// V_RH, in which the robot evades. Its states are the human's poses in the robot's frame.
     #[getter]
     fn robot(&self) -> ValueFunction {
         ValueFunction(self.0.robot.clone())
     }
 }
 
-/// The safety levels for the `features` of a scene.
+/// The safety levels that `features` need in a scene with these parameters. Checks that `given` fits them.
 pub(crate) fn levels(
     features: &FeatureSet,
     parameters: &scene::SceneParameters,
@@ -413,7 +416,8 @@ pub(crate) fn levels(
         );
         return Err(Invalid::new("safety", expected, "None").into());
     }
-    // If no feature needs a level, those of two robots do.
+    // If no feature needs a safety level, any levels will do, so use those of two robots. If the vehicles are
+    // identical, these are the levels of the scene.
     let alike = scene::SceneParameters { human: parameters.robot, ..*parameters };
     let exact = alike.game(Evader::Human).exact()?;
     let function = reachability::ValueFunction::Exact(exact);
@@ -423,8 +427,8 @@ pub(crate) fn levels(
 /// Callback for a solver's progress.
 pub(crate) type Report<'a> = dyn FnMut(Progress) -> ControlFlow<()> + 'a;
 
-/// Runs a solver while the interpreter is released. Calls `progress` at intervals, and stops if the user
-/// pressed Ctrl-C or `progress` raised an exception.
+/// Runs a solver while the interpreter is released, and calls `progress` at intervals. Stops if the user
+/// presses Ctrl-C or `progress` raises an exception.
 pub(crate) fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Py<PyAny>>,

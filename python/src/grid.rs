@@ -11,27 +11,29 @@ use crate::error::Error;
 use crate::kept::New;
 use crate::scalars::wholes;
 
-/// A rectangular grid of one to four dimensions, on whose nodes `hj_solve` computes values.
+/// A rectangular grid of one to four dimensions. `hj_solve` computes values on its nodes.
 ///
 /// Parameters
 /// ----------
 /// lo, hi : array of float64, shape (D,), 1 ≤ D ≤ 4
 ///     The lower and the upper end of each axis, in the unit of its coordinate.
 /// nodes : list of int, D of them, each ≥ 3
-///     Number of nodes of each axis, from `lo` to `hi` inclusive. On a periodic axis `hi` is the same point as
-///     `lo`, and the last node is one spacing before it. The spacing must exceed rounding errors.
+///     Number of nodes of each axis, from `lo` to `hi` inclusive. On a periodic axis, `hi` is the same point
+///     as `lo`, and the last node is one spacing before `hi`. The spacing must exceed rounding errors.
 /// periodic : list of int, or of bool, shape (D,), optional
 ///     Periodic axes, such as headings: their indices from 0, or a boolean for each axis.
 /// constant_ends : list of int, or of bool, shape (D,), optional
-///     Axes beyond whose ends V is constant. Beyond all other ends it continues with the slope at the end, with
-///     the sign that leads away from 0, so that paths that enter from outside do not seem to start in a target.
+///     Axes beyond whose ends V is constant. Beyond all other ends, V is extrapolated linearly with the slope
+///     at the end. Its sign is chosen such that V moves away from 0, so that no false target enters from
+///     outside.
 #[pyclass(frozen, eq, from_py_object, module = "sidestep")]
 #[derive(Clone, PartialEq)]
 pub(crate) struct Grid {
     pub(crate) axes: Vec<Axis>,
 }
 
-/// More nodes than this need more memory than a machine has, given the arrays that a game stores per node.
+/// Maximum number of nodes. More nodes would need more memory than a machine has, because a game stores
+/// several arrays per node.
 const MOST_NODES: usize = 1 << 28;
 
 #[pymethods]
@@ -154,11 +156,11 @@ impl Grid {
     }
 }
 
-/// Arguments to recreate a grid.
+/// Positional and named arguments that recreate a grid.
 type NewArguments<'py> = New<'py, (Array<'py>, Array<'py>, Vec<usize>)>;
 
 impl Grid {
-    /// A grid of these axes, if they are not empty and have not too many nodes.
+    /// Creates a grid of these axes. Checks each axis, and that there are not too many nodes.
     fn of_axes(axes: Vec<Axis>) -> Result<Self, Error> {
         let mut nodes = 1_usize;
         for (d, &axis) in axes.iter().enumerate() {
@@ -190,8 +192,8 @@ impl Grid {
         shaped(py, self.axes.iter().map(of).collect(), &[self.axes.len()])
     }
 
-    /// Numbers at each node, row-major: from an array, or from a callable applied to the states of all nodes.
-    /// If `tail` is not empty, an array of that shape holds for every node.
+    /// Reads numbers at each node, row-major, from an array or from a callable. The callable gets the states
+    /// of all nodes. If `tail` is not empty, a single array of shape `tail` is used for every node.
     pub(crate) fn at_nodes(
         slf: &Bound<'_, Self>,
         field: &str,
@@ -237,14 +239,14 @@ impl Grid {
     }
 }
 
-/// Whether an array is of booleans.
+/// Whether this is an array or a scalar of booleans.
 fn is_mask(array: &Bound<'_, PyAny>) -> bool {
     let kind = array.getattr("dtype").and_then(|of| of.getattr("kind")?.extract::<char>());
     kind.is_ok_and(|kind| kind == 'b')
 }
 
-/// The error for a callable that cannot be called with one argument, in which case none of its code has run.
-/// Its own exceptions are passed on.
+/// The error for a callable that does not accept one argument. In this case none of the callable's code has
+/// run, so the exception has no traceback. `None` for exceptions of the callable itself.
 fn uncallable(py: Python<'_>, field: &str, raised: &PyErr) -> Option<Error> {
     if !raised.is_instance_of::<PyTypeError>(py) || raised.traceback(py).is_some() {
         return None;
@@ -254,8 +256,8 @@ fn uncallable(py: Python<'_>, field: &str, raised: &PyErr) -> Option<Error> {
     Some(PyTypeError::new_err(complaint.to_string()).into())
 }
 
-/// The axes in an argument: indices, or a boolean for each axis. Python treats `True` as 1, so a list of
-/// booleans must be distinguished from one of numbers.
+/// The axes that an argument selects, by index or by a boolean for each axis. In Python `True` equals 1, so a
+/// list of booleans must be distinguished from a list of indices.
 fn chosen(
     field: &str,
     object: Option<&Bound<'_, PyAny>>,
@@ -303,7 +305,8 @@ fn memory(field: &str, count: usize) -> Result<Vec<f64>, Error> {
     Ok(numbers)
 }
 
-/// Refuses an axis with nodes so close that rounding moves them by more than a thousandth of their spacing.
+/// Rejects an axis with nodes so close together that rounding moves them by more than a thousandth of their
+/// spacing.
 fn apart(axis: Axis, d: usize) -> Result<(), Invalid> {
     let rounding = f64::EPSILON * axis.low.abs().max(axis.high.abs());
     let least = (1e3 * rounding).max(f64::MIN_POSITIVE);
@@ -315,7 +318,7 @@ fn apart(axis: Axis, d: usize) -> Result<(), Invalid> {
     Err(Invalid::new(format!("hi[{d}]"), expected, format!("{:e}", axis.spacing())))
 }
 
-/// Converts an error about the only axis of a grid to one about the arguments of axis `d`.
+/// Renames the fields of an error about a one-axis grid to the arguments for axis `d`.
 fn named(mut invalid: Invalid, d: usize) -> Invalid {
     for (part, argument) in [("low", "lo"), ("high", "hi"), ("nodes", "nodes")] {
         invalid.field =

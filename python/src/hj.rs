@@ -1,4 +1,4 @@
-//! User-defined games on a grid: solves the Hamilton–Jacobi equation.
+//! User-defined games on a grid, solved by the Hamilton–Jacobi equation.
 
 use std::ffi::CString;
 use std::ops::ControlFlow;
@@ -19,56 +19,58 @@ use crate::scalars::{self, some_real, some_whole};
 use crate::solution::{DIRECTIONS, KINDS, OnGrid, Solution, Solved};
 use crate::value::checked;
 
-/// Solves for the states from which a target is reached in a game of your own, ẋ = f0(x) + Gu(x) u + Gd(x) d.
-/// Ctrl-C cancels it.
+/// Solves for the states from which a target is reached in a user-defined game ẋ = f0(x) + Gu(x) u + Gd(x) d.
+/// Ctrl-C cancels the solve.
 ///
-/// The inputs u minimise V and steer to the target {V ≤ 0}; the inputs d maximise it. If the control must avoid
-/// the target, the control is d and the disturbance u. V is computed in single precision, by the local
-/// Lax–Friedrichs method.
+/// The inputs u minimise V and steer towards the target {V ≤ 0}; the inputs d maximise V. If the control must
+/// avoid the target, the control is d and the disturbance is u. V is computed in single precision, by the
+/// local Lax–Friedrichs method.
 ///
 /// Parameters
 /// ----------
 /// grid : Grid
-///     With D dimensions.
+///     A grid with D dimensions.
 /// f0 : array of float64 or callable, shape (*nodes, D) or (D,)
-///     The velocity without inputs, in the unit of each coordinate per second: at each node, or one for all
-///     nodes. A callable gets `grid.states`, shape (*nodes, D), and returns such an array.
+///     The velocity without inputs, in the unit of each coordinate per second: one for each node, or one for
+///     all nodes. A callable gets `grid.states`, of shape (*nodes, D), and returns such an array.
 /// Gu, Gd : array of float64 or callable or None, shape (*nodes, D, m) or (D, m)
-///     Effect of a player's m inputs on the velocity: row i of a matrix belongs to coordinate i. `None` for no
-///     inputs.
+///     Effect of a player's m inputs on the velocity. Row i of a matrix belongs to coordinate i. `None` if
+///     the player has no inputs.
 /// u_box, d_box : array of float64 or None, shape (m, 2)
 ///     The lowest and the highest value of each input.
 /// target : array of float64 or callable, shape (*nodes,)
-///     l(x), ≤ 0 in the target; V starts as l. Ideally a distance, negative inside.
+///     l(x), which is ≤ 0 in the target. V starts as l. Ideally a signed distance, negative inside.
 /// times : float or array of float64, shape (nt,)
-///     The horizon > 0, s; or the instants at which V is stored, s, increasing from 0 to the horizon in equal
-///     steps. They are times of the march: the time left, or with `direction="forward"` the time since the
-///     start.
+///     Either the horizon (s), > 0; or the instants (s) at which V is stored, increasing from 0 to the
+///     horizon in equal steps. They are times of the march: the time left or, with `direction="forward"`, the
+///     time since the start.
 /// avoid : array of float64 or callable or None, shape (*nodes,)
-///     g(x), < 0 in the states to avoid: V ≥ -g. Ideally a distance, negative inside, as for the target. Warns
-///     if so little of V is left that its sign can be wrong, for example if g is an indicator function with a
-///     smaller magnitude than the depth of the target.
+///     g(x), which is < 0 in the states to avoid, so that V ≥ -g. Ideally a signed distance, negative inside,
+///     like the target. Warns if V becomes so flat that its sign can be wrong, for example if g is an
+///     indicator function with a smaller magnitude than the depth of the target.
 /// obstacle : array of float64 or callable or None, shape (*nodes,)
-///     As `avoid` with the opposite sign, **positive** inside, as in earlier versions. Deprecated: use `avoid`.
-///     Warns.
+///     Deprecated: use `avoid`. `obstacle` has the opposite sign: **positive** inside, as in earlier
+///     versions. Warns.
 /// kind : {"tube", "set"}
-///     Whether a state counts if it reaches the target at any time up to the horizon, or only if exactly at the
-///     horizon.
+///     Whether a state counts if it reaches the target at any time up to the horizon ("tube"), or only if it
+///     does so exactly at the horizon ("set").
 /// direction : {"backward", "forward"}
-///     States that lead to the target, or states that are reached from it.
+///     Whether to find the states that lead to the target ("backward"), or those that are reached from it
+///     ("forward").
 /// scheme : {"weno5", "eno3", "eno2", "upwind"}
-///     The spatial derivatives, and a matching Runge–Kutta method.
+///     The approximation of the spatial derivatives, and a matching Runge–Kutta method.
 /// cfl : float, optional
-///     Share of the largest stable time step, in (0, 1]; the default preserves the order of the scheme.
+///     CFL number: the time step as a share of the largest stable time step, in (0, 1]. The default preserves
+///     the order of the scheme.
 /// tolerance : float, optional
-///     Stops as soon as V changes by at most this per second everywhere; `times` is then a number, the longest
-///     time.
+///     Stops as soon as V changes by at most this much per second everywhere. `times` must then be a number,
+///     which is the maximum time.
 /// threads : int, optional
 ///     Maximum number of threads; by default the number of processors.
 /// progress : callable, optional
-///     Called as `progress(done, residual)` about ten times a second: the share of the steps done, 0 to 1, and
-///     the largest change of V per second (inf where it is not measured). If it raises an exception, solving
-///     stops.
+///     Called as `progress(done, residual)` about ten times a second, with the share of the steps that are
+///     done (0 to 1) and the largest change of V per second (inf where it is not measured). If `progress`
+///     raises an exception, the solve stops.
 ///
 /// Returns
 /// -------
@@ -78,17 +80,17 @@ use crate::value::checked;
 /// -----
 /// At every node, V of a tube is between the minimum of l over all nodes and max(l, -g).
 ///
-/// V is unknown beyond the grid and continues there as described in `Grid`. Where paths leave the grid, V
-/// depends on that: `Solution.depends_on_outside` marks such nodes, and others. If they matter, use a larger
-/// grid.
+/// V is unknown beyond the grid and is continued there as described in `Grid`. Where paths leave the grid, V
+/// depends on this continuation. `Solution.depends_on_outside` marks all such nodes, and some others. If they
+/// matter, use a larger grid.
 ///
 /// Raises
 /// ------
 /// ValueError
-///     If an obstacle covers the whole grid or the whole target, or V is not finite (numbers too large for
-///     single precision). If an array has another shape or dtype or a number that is not finite, a box has its
-///     ends in the wrong order, the instants are not evenly spaced, or the grid needs too much memory or is too
-///     small for the scheme.
+///     If an obstacle covers the whole grid or the whole target, or if V is not finite (numbers too large for
+///     single precision). If an array has another shape or dtype or contains a number that is not finite. If
+///     a box has its ends in the wrong order, or the instants are not evenly spaced. If the grid needs too
+///     much memory or is too small for the scheme.
 #[pyfunction]
 #[pyo3(signature = (grid, f0, Gu, Gd, u_box, d_box, target, times, *, avoid=None, obstacle=None, kind="tube", direction="backward", scheme="weno5", cfl=None, tolerance=None, threads=None, progress=None))]
 #[allow(clippy::too_many_arguments, reason = "most are optional, and Python names them")]
@@ -156,7 +158,7 @@ const SCHEMES: &[(&str, Scheme, &str)] = &[
     ("upwind", Scheme::Upwind, ""),
 ];
 
-/// The horizon, s, and the number of stored instants before it.
+/// Reads `times`: the horizon (s), and the number of instants to store before it.
 fn instants(times: &Bound<'_, PyAny>) -> Result<(f64, usize), Error> {
     let Numbers { shape, values } = numbers("times", "() or (nt,)", times)?;
     let last = match (&shape[..], &values[..]) {
@@ -171,7 +173,7 @@ fn instants(times: &Bound<'_, PyAny>) -> Result<(f64, usize), Error> {
     let slices = values.len() - 1;
     for (k, &time) in values.iter().enumerate() {
         let even = last * k as f64 / slices as f64;
-        // Also false if the last one is not > 0.
+        // This also rejects a last instant that is not > 0.
         if !(last > 0.0 && (time - even).abs() <= 1e-9 * last) {
             let expected = if last > 0.0 { even.to_string() } else { "a last one > 0".to_owned() };
             let found = if last > 0.0 { time } else { last };
@@ -182,7 +184,7 @@ fn instants(times: &Bound<'_, PyAny>) -> Result<(f64, usize), Error> {
     Ok((last, slices))
 }
 
-/// End of the march.
+/// When the march ends.
 fn horizon(horizon_s: f64, slices: usize, tolerance: Option<f64>) -> Result<Horizon, Error> {
     match tolerance {
         None => Ok(Horizon::Finite(horizon_s)),
@@ -227,7 +229,7 @@ fn inputs(
     Ok((Grid::at_nodes(grid, matrix_name, &tail, matrix)?, ranges))
 }
 
-/// The function for the states to avoid, and whether it is negative inside.
+/// The function of the states to avoid, and whether it is negative inside.
 fn avoided(
     grid: &Bound<'_, Grid>,
     avoid: Option<&Bound<'_, PyAny>>,
@@ -253,7 +255,7 @@ fn avoided(
     }
 }
 
-/// Renames an error's fields to those of the arguments.
+/// Renames the fields of an error to the names of the Python arguments.
 fn of_arguments(mut invalid: Invalid) -> Invalid {
     for (theirs, ours) in [
         ("drift", "f0"),
@@ -279,7 +281,7 @@ struct Task {
     minimiser: OfPlayer,
     maximiser: OfPlayer,
     target: Vec<f64>,
-    /// The function, and whether it is negative inside.
+    /// The function of the states to avoid, and whether it is negative inside.
     avoid: Option<(Vec<f64>, bool)>,
     kind: Kind,
     direction: Direction,

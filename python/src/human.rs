@@ -1,4 +1,4 @@
-//! Models of the human's actions: a trained model, or a Python function.
+//! Models of the human's actions: a trained model or a Python function.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -15,18 +15,19 @@ use crate::function::{SafetyLevels, levels};
 use crate::predictor::Predictor;
 use crate::vehicles::SceneParameters;
 
-/// A model of your own: a function that returns the probability of each action of the human.
+/// A user-defined model: a function that returns the probability of each action of the human.
 ///
-/// Not for `OnlinePredictor`; `Predictor.constant` and `sidestep.from_sklearn` make models for it.
+/// `OnlinePredictor` does not accept it. Use `Predictor.constant` or `sidestep.from_sklearn` to make a model
+/// for `OnlinePredictor`.
 ///
 /// Parameters
 /// ----------
 /// actions : array of float64, shape (n,)
-///     The turn rate of each action, rad/s, left positive.
+///     The turn rate of each action (rad/s, left positive).
 /// probabilities : callable
-///     Called as `probabilities(history)` with the joint states since the start of the trial, including
-///     predicted ones, as an array of shape (t, 2, 3). Returns the probability of each action, shape (n,). The
-///     result must depend only on the states.
+///     Called as `probabilities(history)`. `history` has the joint states since the start of the trial,
+///     including predicted ones, as an array of shape (t, 2, 3). Returns the probability of each action,
+///     shape (n,). The result must depend only on the states.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct ActionModel {
     actions: Vec<f64>,
@@ -49,7 +50,7 @@ impl ActionModel {
         Ok(Self { actions, probabilities })
     }
 
-    /// The turn rate of each action, rad/s.
+    /// The turn rate of each action (rad/s).
     #[getter]
     fn actions(&self) -> Vec<f64> {
         self.actions.clone()
@@ -76,16 +77,16 @@ impl ActionModel {
 /// A model as an argument.
 #[derive(FromPyObject)]
 pub(crate) enum Model<'py> {
-    /// A trained one.
+    /// A trained model.
     Trained(Bound<'py, Predictor>),
     /// A Python function.
     Own(Bound<'py, ActionModel>),
 }
 
-/// A model, the parameters of its scene, and the safety levels if it needs them.
+/// A model, the parameters of its scene, and its safety levels if it needs them.
 pub(crate) type Arguments<'py> = (Bound<'py, PyAny>, SceneParameters, Option<SafetyLevels>);
 
-/// A model in its scene, which outlives the call that created it.
+/// A model in its scene. It outlives the call that created it.
 pub(crate) struct Human {
     model: Kept,
     pub(crate) parameters: scene::SceneParameters,
@@ -97,7 +98,7 @@ enum Kept {
 }
 
 impl Human {
-    /// The human with these parameters, predicted by `model`.
+    /// Creates the human with these parameters, predicted by `model`.
     pub(crate) fn new(
         model: Model<'_>,
         parameters: &scene::SceneParameters,
@@ -129,7 +130,7 @@ impl Human {
         Ok(Learned { model, raised: Mutex::new(None) })
     }
 
-    /// Whether it has these parameters and is predicted by this predictor.
+    /// Whether this human has these parameters and is predicted by this predictor.
     pub(crate) fn predicted_by(
         &self,
         predictor: &Predictor,
@@ -139,7 +140,7 @@ impl Human {
         model && self.parameters == *parameters
     }
 
-    /// Whether both have the same model and parameters.
+    /// Whether both have the same model and the same parameters.
     pub(crate) fn same(&self, other: &Self) -> bool {
         let model = match (&self.model, &other.model) {
             (Kept::Trained(one, _), Kept::Trained(other, _)) => one.get() == other.get(),
@@ -151,7 +152,8 @@ impl Human {
         model && self.parameters == other.parameters
     }
 
-    /// Arguments to recreate it: the model, the parameters, and the safety levels if it needs them.
+    /// Arguments that recreate this human: the model, the parameters, and the safety levels if the model
+    /// needs them.
     pub(crate) fn arguments<'py>(&self, py: Python<'py>) -> Arguments<'py> {
         let parameters = SceneParameters(self.parameters);
         match &self.model {
@@ -166,7 +168,7 @@ impl Human {
         }
     }
 
-    /// The trained predictor; `None` for a Python function.
+    /// The trained predictor. `None` for a Python function.
     pub(crate) fn predictor(&self) -> Option<&Predictor> {
         match &self.model {
             Kept::Trained(predictor, _) => Some(predictor.get()),
@@ -174,7 +176,7 @@ impl Human {
         }
     }
 
-    /// Number of actions of the model.
+    /// Number of actions in the model.
     pub(crate) fn actions(&self) -> usize {
         match &self.model {
             Kept::Trained(predictor, _) => predictor.get().predictor.classes().len(),
@@ -183,7 +185,7 @@ impl Human {
     }
 
     /// Runs library code with the model while the interpreter is released. An exception raised by a Python
-    /// function takes precedence over errors that follow from it.
+    /// function takes precedence over the library errors that follow from it.
     pub(crate) fn work<T: Send>(
         &self,
         py: Python<'_>,
@@ -198,7 +200,7 @@ impl Human {
     }
 }
 
-/// The learned function G while the library works with it.
+/// The learned function G, while library code uses it.
 pub(crate) struct Learned<'a> {
     model: G<'a>,
     /// The first exception raised by a Python function.
@@ -223,7 +225,7 @@ impl bounds::ActionModel for Learned<'_> {
             G::Trained(human) => human.probabilities(history, out),
             G::Own(model) => {
                 if let Err(raised) = ask(model, history, out) {
-                    // Algorithm 1 stops at NaN probabilities.
+                    // NaN probabilities make Algorithm 1 stop.
                     out.fill(f64::NAN);
                     let mut first = self.raised.lock().unwrap_or_else(PoisonError::into_inner);
                     first.get_or_insert(raised);
@@ -233,7 +235,7 @@ impl bounds::ActionModel for Learned<'_> {
     }
 }
 
-/// Calls a Python function for the probability of each action.
+/// Calls a Python function to get the probability of each action.
 fn ask(model: &ActionModel, history: &[JointState], out: &mut [f64]) -> Result<(), Error> {
     Python::attach(|py| {
         py.check_signals()?;

@@ -1,4 +1,4 @@
-//! Ctrl-C during long work, while the interpreter is released.
+//! Handling of Ctrl-C during long computations, while the interpreter is released.
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 /// Interval between two checks for interrupts.
 const BETWEEN_LOOKS: Duration = Duration::from_millis(100);
 
-/// Checks at intervals whether the user pressed Ctrl-C or a callable raised an exception.
+/// Checks at intervals whether the user pressed Ctrl-C or whether a callable raised an exception.
 pub(crate) struct Watch {
     looked: Instant,
     raised: Option<PyErr>,
@@ -19,12 +19,12 @@ impl Watch {
         Self { looked: Instant::now(), raised: None }
     }
 
-    /// Checks if due; returns whether to continue.
+    /// Checks if a check is due. Returns whether to continue.
     pub(crate) fn look(&mut self) -> ControlFlow<()> {
         self.tell(|_| Ok(()))
     }
 
-    /// Calls `told` and checks if due; returns whether to continue.
+    /// Calls `told` and checks if a check is due. Returns whether to continue.
     pub(crate) fn tell(
         &mut self,
         told: impl FnOnce(Python<'_>) -> PyResult<()>,
@@ -43,13 +43,14 @@ impl Watch {
         if self.raised.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
-    /// Raises the pending exception.
+    /// Raises the pending exception, if any.
     pub(crate) fn end(self) -> PyResult<()> {
         self.raised.map_or(Ok(()), Err)
     }
 }
 
-/// Computes one result for each of `count` pieces of work, while the interpreter is released.
+/// Computes one result for each of `count` items while the interpreter is released. Ctrl-C cancels
+/// the computation.
 pub(crate) fn each<T: Send>(
     py: Python<'_>,
     count: usize,

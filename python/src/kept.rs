@@ -14,12 +14,12 @@ use sidestep::scene;
 use crate::error::Error;
 use crate::files::{read, write};
 
-/// Arguments for the constructor when unpickling: positional and by name.
+/// Arguments for the constructor when unpickling: the positional ones and the named ones.
 pub(crate) type New<'py, T> = (T, Bound<'py, PyDict>);
 
-/// Settings of sets, in the format of the laboratory's explorer and of `sidestep shfrs --settings`. Settings
-/// for drawing polygons are in the file only if they differ from the defaults; only this package can read such
-/// a file.
+/// File of prediction settings, in the format of the laboratory's explorer and of `sidestep shfrs
+/// --settings`. The file contains settings for drawing polygons only if they differ from the defaults. Only
+/// this package can read such a file.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct SettingsFile {
@@ -49,7 +49,7 @@ fn base() -> Rollout {
 }
 
 impl SettingsFile {
-    /// The file for this choice of actions, `k` or `tau`; polygons have default settings.
+    /// Creates the file for this choice of actions, `k` or `tau`, with default settings for polygons.
     pub(crate) fn new(
         epsilon: Vec<f64>,
         k: Option<Vec<usize>>,
@@ -61,7 +61,7 @@ impl SettingsFile {
         Self { format, steps, epsilon, k, tau, rollout, accuracy_m: None, by_step: false }
     }
 
-    /// The choice of actions.
+    /// The rule that selects actions.
     pub(crate) fn choice(&self) -> Result<ActionChoice, Invalid> {
         match (&self.k, self.tau) {
             (Some(k), None) => {
@@ -75,18 +75,18 @@ impl SettingsFile {
     }
 }
 
-/// A calibration: its scores, and the settings and model of its sets.
+/// File of a calibration: the scores, and the settings and the model of the sets.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct CalibrationFile {
     pub(crate) format: CalibrationFormat,
     /// The probability that a trajectory stays inside.
     pub(crate) p: f64,
-    /// The probability that the calibration may fail; `null` for a guarantee on average.
+    /// The probability that the calibration may fail. `null` if the guarantee holds on average.
     pub(crate) delta: Option<f64>,
-    /// Follows from the scores, rad/s.
+    /// The calibrated ε (rad/s). It follows from the scores.
     pub(crate) epsilon: f64,
-    /// The least ε of each window, rad/s, increasing.
+    /// The smallest ε of each window (rad/s), increasing.
     pub(crate) scores: Vec<f64>,
     pub(crate) settings: SettingsFile,
     pub(crate) parameters: scene::SceneParameters,
@@ -99,14 +99,14 @@ pub(crate) enum CalibrationFormat {
     V1,
 }
 
-/// Reads a file of this format; errors call it `name`.
+/// Reads a file of this format. Errors name it `name`.
 pub(crate) fn loaded<T: DeserializeOwned>(name: &str, path: &Path) -> Result<T, Error> {
     let text = String::from_utf8(read(path)?);
     let text = text.map_err(|error| Invalid::new(name, "UTF-8", error))?;
     from_json(&text).map_err(|unread| Error::unread(name, unread))
 }
 
-/// Writes a file.
+/// Writes a file. Errors name it `name`.
 pub(crate) fn saved(name: &str, path: &Path, file: &impl Serialize) -> Result<(), Error> {
     let text = serde_json::to_string(file);
     let text = text.map_err(|error| Invalid::new(name, "finite numbers, as in JSON", error))?;

@@ -1,8 +1,8 @@
-//! Native half of the Python package `sidestep`: the library's functions with NumPy arrays in and out.
+//! Native half of the Python package `sidestep`: the library's functions for NumPy arrays.
 //!
 //! Nothing is computed here. Each file checks the arguments from Python (`arrays`), releases the interpreter
-//! while the library works, and returns arrays and objects that own their memory. Every error is a `ValueError`
-//! that names the argument, the expected and the actual value (`error`).
+//! while the library works, and returns arrays and objects that own their memory. An invalid value raises a
+//! `ValueError` with the argument's name, the expected and the actual value (`error`).
 //!
 //! Functions that draw figures or read tables are plain Python, in `python/package/sidestep/`.
 
@@ -31,7 +31,7 @@ mod calibration;
 
 use pyo3::prelude::*;
 
-/// The native half of `sidestep`; import that package instead.
+/// The native half of `sidestep`. Import the package `sidestep` instead.
 #[pymodule]
 #[pyo3(name = "_sidestep")]
 mod native {

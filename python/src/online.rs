@@ -1,4 +1,4 @@
-//! Prediction in a robot's loop, state by state.
+//! Prediction in a robot's control loop, one state at a time.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -23,25 +23,26 @@ use crate::scalars::{real, some_real};
 use crate::shfrs_settings::{ShfrsSettings, usual};
 use crate::vehicles::SceneParameters;
 
-/// Predicts a human in a robot's loop: push each new state, predict, then check whether plans are clear. It
-/// draws no polygons and keeps its own history. Several threads may use it; calls are serialized.
+/// Predicts a human in a robot's control loop. In each cycle, push the new state, predict, then check whether
+/// plans are clear. The predictor draws no polygons and stores its own history. Several threads may use it;
+/// their calls are serialized.
 ///
 /// Parameters
 /// ----------
 /// model : Predictor
 ///     Its features must look back a fixed number of steps. For an `ActionModel` use `ShfrsPredictor`.
 /// settings : ShfrsSettings, optional
-///     For example those of a `Calibration`; by default as for `ShfrsPredictor`.
+///     For example those of a `Calibration`. The default is that of `ShfrsPredictor`.
 /// parameters : SceneParameters, optional
-///     The paper's by default.
+///     By default the paper's.
 /// safety : SafetyLevels, optional
 ///     Required if the vehicles differ and a feature of the model is a safety level.
 /// accuracy_m : float
-///     Error bound of clearances: how far one may be below the true value, m; 10⁻⁴ to 10.
+///     Error bound of clearances: how far a clearance may be below the true value (m); 10⁻⁴ to 10.
 /// assume_vehicle : bool
-///     Whether clearances assume that the human drives on like the vehicle of the parameters, even after a step
-///     that this vehicle cannot have driven (`departure`). They can then be positive for a human who stands in
-///     the way.
+///     Whether clearances assume that the human continues to drive like the vehicle of the parameters, even
+///     after a step that this vehicle cannot have driven (`departure`). Clearances can then be positive for a
+///     human who stands in the way.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct OnlinePredictor {
     model: Py<Predictor>,
@@ -87,24 +88,27 @@ impl OnlinePredictor {
         Ok(Self { model, settings, parameters, safety, accuracy_m, assume_vehicle, online })
     }
 
-    /// Appends the state one step, `step_s` of the parameters, after the last one. If you missed a state, call
-    /// `reset` and start over. Sets assume that the human continues at the speed of the parameters and within
-    /// its turn rate: they prove nothing about a human who stands still, or moves slower or faster. So after a
-    /// step that the human's vehicle cannot have driven, to a millimetre and a milliradian, `departure` has the
+    /// Appends the state one step after the last one. The length of a step is `step_s` of the parameters. If
+    /// you missed a state, call `reset` and start over.
+    ///
+    /// Sets assume that the human continues at the speed of the parameters and within its turn rate. They
+    /// prove nothing about a human who stands still, or moves slower or faster. So if the human's vehicle
+    /// cannot have driven the last step, to a millimetre and a milliradian, `departure` gives the
     /// measurement, `clear` returns −∞ until the next step, and `Calibration.collision` raises an error.
     /// Positions with more noise than that need `assume_vehicle`.
     ///
     /// Parameters
     /// ----------
     /// state : array of float64, shape (2, 3)
-    ///     The poses (x, y, ψ) of the human and of the robot now, world frame, m, m, rad.
+    ///     The current poses (x, y, ψ) of the human and of the robot in the world frame (m, m, rad).
     ///
     /// Returns
     /// -------
     /// bool
-    ///     Whether the human's vehicle can have driven the step from the last state. If not, `departure` gives
-    ///     the reason; if the human moved or turned more than twice as much as the vehicle can in a step, the
-    ///     earlier states are discarded.
+    ///     Whether the human's vehicle can have driven the step from the last state. If not, `departure`
+    ///     gives the reason. If the human moved or turned more than twice as much as the vehicle can in a
+    ///     step, the earlier states are discarded. With `assume_vehicle`, False is returned only in this
+    ///     case.
     fn push(&self, state: &Bound<'_, PyAny>) -> Result<bool, Error> {
         let found = numbers("state", "(2, 3)", state)?;
         let (&[human, robot], [2, 3]) = (found.values.as_chunks::<3>().0, &found.shape[..]) else {
@@ -116,9 +120,9 @@ impl OnlinePredictor {
         Ok(continuity == Continuity::Continues)
     }
 
-    /// Why the sets say nothing about the human's next steps: the human's vehicle of the parameters cannot have
-    /// driven the last step, to a millimetre and a milliradian; in words, with the measurement. `None` if it
-    /// can, if only one state is known, or with `assume_vehicle`.
+    /// Why the sets say nothing about the human's next steps, in words and with the measurement: the human's
+    /// vehicle of the parameters cannot have driven the last step, to a millimetre and a milliradian. `None`
+    /// if it can, if only one state is known, or with `assume_vehicle`.
     #[getter]
     fn departure(&self, py: Python<'_>) -> Option<String> {
         py.detach(|| self.lock().departure()).map(|found| found.to_string())
@@ -129,7 +133,8 @@ impl OnlinePredictor {
         py.detach(|| self.lock().reset());
     }
 
-    /// The latest states, up to the number needed, the current one last, shape (n, 2, 3).
+    /// The latest states, at most as many as a prediction needs, with the current state last. Shape (n, 2,
+    /// 3).
     #[getter]
     fn history<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let history = py.detach(|| self.lock().history().to_vec());
@@ -142,13 +147,13 @@ impl OnlinePredictor {
         py.detach(|| self.lock().states_needed())
     }
 
-    /// Bounds on the human's turn rate from the states so far. They assume a human who drives like the vehicle;
-    /// see `departure`.
+    /// Bounds on the human's turn rate, predicted from the states so far. They assume a human who drives like
+    /// the vehicle; see `departure`.
     ///
     /// Returns
     /// -------
     /// lo, hi : array of float64, shape (m, T)
-    ///     Lowest and highest turn rate of each step in each set F_1 ⊆ F_2 ⊆ …, rad/s.
+    ///     Lowest and highest turn rate (rad/s) of each step in each set F_1 ⊆ F_2 ⊆ …
     ///
     /// Raises
     /// ------
@@ -159,13 +164,13 @@ impl OnlinePredictor {
         stacked(py, sets.iter())
     }
 
-    /// Predicts like `predict`, and returns the reachable sets under these bounds: from the human's last pose,
-    /// with the speed and the steps of the parameters.
+    /// Predicts like `predict`, and returns the reachable sets under these bounds. They start from the
+    /// human's last pose and use the speed and the step length of the parameters.
     ///
     /// Returns
     /// -------
     /// list of ReachableSet
-    ///     m sets F_1 ⊆ F_2 ⊆ …
+    ///     The m sets F_1 ⊆ F_2 ⊆ …
     ///
     /// Raises
     /// ------
@@ -182,14 +187,14 @@ impl OnlinePredictor {
         Ok(sets.into_iter().map(set).collect::<Result<_, _>>()?)
     }
 
-    /// Clearance of a plan that starts now from where the human may be.
+    /// The clearance between a plan that starts now and the positions where the human may be.
     ///
     /// Parameters
     /// ----------
     /// plan, radius_m, corners, most_speed_mps, most_turn_rate_radps
     ///     As for `Shfrs.clear`.
     ///
-    /// As for `Shfrs.clear`: −∞ throughout if `departure` is not `None`.
+    /// Returns
     /// -------
     /// array of float64, shape (m, T)
     ///     As `Shfrs.clear` returns: −∞ throughout if `departure` is not `None`.
@@ -197,7 +202,7 @@ impl OnlinePredictor {
     /// Raises
     /// ------
     /// ValueError
-    ///     If there was no prediction since the last state; and as for `Shfrs.clear`.
+    ///     If there was no prediction since the last state. Also as for `Shfrs.clear`.
     #[pyo3(signature = (plan, radius_m, *, corners=None, most_speed_mps=None, most_turn_rate_radps=None))]
     fn clear<'py>(
         &self,
@@ -224,12 +229,13 @@ impl OnlinePredictor {
         Ok(((self.model.clone_ref(py), settings), named))
     }
 
-    /// Its states, to push again, and whether it has predicted.
+    /// The states to push again after unpickling, and whether a prediction has run since the last state.
     fn __getstate__<'py>(&self, py: Python<'py>) -> PyResult<(Array<'py>, bool)> {
         let (states, predicted) = py.detach(|| {
             let online = self.lock();
             let mut states = online.history().to_vec();
-            // Only the human's pose before the history matters, not the robot's.
+            // The predictor also stores the human's pose before the history. The robot's pose there does not
+            // matter.
             if let ([only], Some(human)) = (&states[..], online.before()) {
                 states.insert(0, JointState { human, ..*only });
             }
@@ -275,13 +281,13 @@ impl OnlinePredictor {
         py.detach(|| self.lock().check_human())
     }
 
-    /// Whether it predicts this human.
+    /// Whether this predictor predicts the given human.
     pub(crate) fn predicts(&self, human: &Human) -> bool {
         human.predicted_by(self.model.get(), &self.parameters)
     }
 
-    /// Call only while the interpreter is released: a thread that holds the lock may be waiting for the
-    /// interpreter.
+    /// Call this only while the interpreter is released, because a thread that holds the lock may be waiting
+    /// for the interpreter.
     fn lock(&self) -> MutexGuard<'_, clearance::OnlinePredictor> {
         self.online.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -1,4 +1,4 @@
-//! A robot's plan, and its clearance from where the human may be.
+//! A robot's plan, and its clearance from the positions where the human may be.
 
 use pyo3::prelude::*;
 use sidestep::bounds::InputBounds;
@@ -15,7 +15,7 @@ use crate::arrays::{Array, Numbers, numbers, place, pose, poses, rows, shaped, w
 use crate::error::Error;
 use crate::scalars::real;
 
-/// The plan arguments of a method.
+/// The arguments of a method that describe a plan.
 pub(crate) struct Asked<'a, 'py> {
     pub(crate) plan: &'a Bound<'py, PyAny>,
     pub(crate) radius_m: f64,
@@ -31,14 +31,14 @@ pub(crate) struct Planned {
 }
 
 impl Asked<'_, '_> {
-    /// Checks the plan of the robot of `parameters`, which is at `now`.
+    /// Checks a plan of the robot of `parameters`. The robot is at `now`.
     pub(crate) fn check(
         &self,
         now: Pose,
         parameters: &scene::SceneParameters,
     ) -> Result<Planned, Error> {
         let mut ahead = poses("plan", self.plan)?;
-        // A plan from `drive` carries the length of its steps.
+        // A plan that `drive` returned carries the length of its steps.
         let made_for = self.plan.getattr_opt("step_s")?.filter(|step_s| !step_s.is_none());
         if let Some(step_s) = made_for.map(|step_s| real(&step_s)).transpose()?
             && (step_s - parameters.step_s).abs() > 1e-9 * parameters.step_s
@@ -80,7 +80,8 @@ impl Asked<'_, '_> {
     }
 }
 
-/// Converts an error about a list of poses that starts with the current one to one about the plan alone.
+/// Renames the fields of an error. The library's list of poses starts with the current pose, but the argument
+/// `plan` does not contain it.
 fn of_array(mut invalid: Invalid, poses: usize) -> Invalid {
     for i in (0..poses).rev() {
         let theirs = format!("poses[{i}]");
@@ -98,8 +99,8 @@ fn of_array(mut invalid: Invalid, poses: usize) -> Invalid {
 }
 
 impl Planned {
-    /// The clearance from each of the sets of a human at `now`, who may have `departed` from the motion of the
-    /// vehicle.
+    /// The clearance from each set of a human at `now`. `departed` describes a last step that the vehicle
+    /// cannot have driven.
     pub(crate) fn clearances(
         &self,
         now: Pose,
@@ -115,31 +116,33 @@ impl Planned {
     }
 }
 
-/// The proved clearances as an array of shape (m, T).
+/// The proven clearances as an array of shape (m, T).
 pub(crate) fn proved<'py>(py: Python<'py>, found: &Clearances) -> PyResult<Array<'py>> {
     let sets = (0..found.sets()).flat_map(|set| found.by_step(set));
     let all = sets.map(|clearance| clearance.at_least_m).collect();
     shaped(py, all, &[found.sets(), found.steps()])
 }
 
-/// The plan of a robot that holds a speed and a turn rate in each step: `sidestep.drive` adds the length of the steps.
+/// The plan of a robot that holds a speed and a turn rate in each step. `sidestep.drive` adds the length of
+/// the steps to the plan.
 ///
 /// Parameters
 /// ----------
 /// start : array of float64, shape (3,)
-///     The robot's pose (x, y, ψ) now, world frame, m, m, rad.
+///     The robot's current pose (x, y, ψ) in the world frame (m, m, rad).
 /// speed_mps : float, or array of float64 of the shape of `turn_rates`
-///     Speed in each step, m/s; negative: backward.
+///     Speed in each step (m/s); negative to drive backward.
 /// turn_rates : array of float64, shape (…, T), T ≥ 1
-///     Turn rate in each step, rad/s, left positive; at most half a turn per step. `clear` refuses exactly half
-///     a turn.
+///     Turn rate in each step (rad/s, left positive); at most half a turn per step. `clear` rejects exactly
+///     half a turn.
 /// step_s : float
-///     Length of a step > 0, s; must be that of the parameters of the prediction.
+///     Length of a step (s), > 0. Must be that of the prediction's parameters.
 ///
 /// Returns
 /// -------
 /// array of float64, shape (…, T, 3)
-///     The poses (x, y, ψ) after steps 1 … T, without the current one, world frame, m, m, rad in (−π, π].
+///     The poses (x, y, ψ) after steps 1 … T in the world frame (m, m, rad), with ψ in (−π, π]. The current
+///     pose is not included.
 #[pyfunction]
 #[pyo3(name = "drive")]
 pub(crate) fn drive_all<'py>(
@@ -182,20 +185,20 @@ pub(crate) fn drive_all<'py>(
     Ok(shaped(py, found, &[&shape[..], &[3]].concat())?)
 }
 
-/// The largest set of which a plan is clear throughout; it is then clear of all smaller sets.
+/// The largest set that a plan is clear of in every step. The plan is then also clear of all smaller sets.
 ///
 /// Parameters
 /// ----------
 /// clearances : array of float64, shape (m, T)
-///     As returned by `Shfrs.clear` and `OnlinePredictor.clear`, m: for each set, the smallest first, and each
+///     As returned by `Shfrs.clear` and `OnlinePredictor.clear` (m): for each set, smallest first, and each
 ///     step. −∞ means not clear of any set.
 /// margin_m : float
-///     A plan is clear of a set if its clearance exceeds this, m, ≥ 0.
+///     A plan is clear of a set if its clearance exceeds this margin (m), ≥ 0.
 ///
 /// Returns
 /// -------
 /// int or None
-///     Index of the set from 0, as in `Shfrs.sets`; `None` if the plan is not clear of the smallest.
+///     Index of the set from 0, as in `Shfrs.sets`. `None` if the plan is not clear of the smallest set.
 #[pyfunction]
 #[pyo3(signature = (clearances, margin_m=0.0))]
 pub(crate) fn largest_clear(
@@ -214,10 +217,10 @@ pub(crate) fn largest_clear(
     Ok(values.chunks_exact(steps).rposition(clear))
 }
 
-/// Clearances, which may be −∞.
+/// Reads clearances, which may be −∞.
 fn clearances_or_nothing(clearances: &Bound<'_, PyAny>) -> Result<Numbers, Error> {
     let numpy = clearances.py().import("numpy")?;
-    // Anything that is not an array of numbers is refused below.
+    // Replaces −∞ by a finite number. What is not an array of numbers is rejected below.
     let bounded = numpy.call_method1("maximum", (clearances, f64::MIN));
     numbers("clearances", "(m, T)", bounded.as_ref().unwrap_or(clearances))
 }

@@ -17,15 +17,15 @@ use crate::interrupt::each;
 use crate::scalars::wholes;
 use crate::vehicles::SceneParameters;
 
-/// A trained model with its features: a probability for each class.
+/// A trained model with its features. It predicts a probability for each class.
 ///
-/// `Predictor.load` reads a predictor.json written by `sidestep analyze` or `save`; `sidestep.from_sklearn`
-/// converts an estimator, and `Predictor.constant` makes a predictor without features.
+/// `Predictor.load` reads a predictor.json that `sidestep analyze` or `save` wrote. `sidestep.from_sklearn`
+/// converts an estimator. `Predictor.constant` makes a predictor without features.
 #[pyclass(frozen, eq, module = "sidestep")]
 #[derive(PartialEq)]
 pub(crate) struct Predictor {
     pub(crate) predictor: predict::Predictor,
-    /// The meaning of the classes, if the file states it.
+    /// Number of the experiment, which determines the meaning of the classes, if the file states it.
     experiment: Option<u8>,
 }
 
@@ -36,7 +36,7 @@ impl Predictor {
     /// Raises
     /// ------
     /// ValueError
-    ///     If the file is malformed, has an unknown feature or kind, or another format version.
+    ///     If the file is malformed, has an unknown feature or kind, or has another format version.
     #[staticmethod]
     fn load(path: PathBuf) -> Result<Self, Error> {
         let text = String::from_utf8(read(&path)?);
@@ -49,16 +49,16 @@ impl Predictor {
         Self::of_file(from_json(text).map_err(|unread| Error::unread("predictor", unread))?)
     }
 
-    /// A predictor with the same probabilities in every state.
+    /// A predictor with constant probabilities, which do not depend on the state.
     ///
     /// Parameters
     /// ----------
     /// classes : list of int
-    ///     Increasing, −128 to 127: −1 right, 0 straight, 1 left; others only with `actions`.
+    ///     Increasing, −128 to 127: −1 right, 0 straight, 1 left. Other classes need `actions`.
     /// probabilities : array of float64, shape (classes,)
-    ///     Of each class, 0 to 1; their sum is 1.
+    ///     The probability of each class, 0 to 1. They must sum to 1.
     /// actions : array of float64, shape (classes,), optional
-    ///     The turn rate of each class, rad/s, left positive, increasing; by default each class times the
+    ///     The turn rate of each class (rad/s, left positive), increasing. By default each class times the
     ///     human's turn rate.
     ///
     /// Returns
@@ -82,23 +82,23 @@ impl Predictor {
         if let Some(actions) = actions {
             predictor = predictor.with_actions(list("actions", actions)?)?;
         }
-        // Refuse a predictor that a file could not contain.
+        // Reject a predictor that a file could not contain.
         let predictor = PredictorFile::from(&predictor).try_into()?;
         Ok(Self { predictor, experiment: None })
     }
 
-    /// Writes predictor.json.
+    /// Writes a predictor.json.
     fn save(&self, path: PathBuf) -> Result<(), Error> {
         write(&path, self.to_json()?.as_bytes())
     }
 
-    /// The text of predictor.json.
+    /// The text of a predictor.json.
     fn to_json(&self) -> Result<String, Error> {
         serde_json::to_string(&self.file())
             .map_err(|error| Invalid::new("predictor", "finite numbers, as in JSON", error).into())
     }
 
-    /// The names of its features, in the order of the columns.
+    /// The names of the features, in the order of the columns.
     #[getter]
     fn features(&self) -> Vec<String> {
         self.predictor.features().clone().into()
@@ -110,15 +110,15 @@ impl Predictor {
         self.predictor.classes().iter().copied().map(i64::from).collect()
     }
 
-    /// The turn rate of each class, rad/s, left positive, if given; otherwise each class (−1, 0 or 1) is
-    /// multiplied by the turn rate of the human of the parameters.
+    /// The turn rate of each class (rad/s, left positive), if given. Otherwise the turn rate is the class
+    /// (−1, 0 or 1) times the turn rate of the human of the parameters.
     #[getter]
     fn actions(&self) -> Option<Vec<f64>> {
         self.predictor.actions().map(<[f64]>::to_vec)
     }
 
-    /// The meaning of the classes, if the file states it: 1 the direction of a turn, 2 whether the human
-    /// avoids.
+    /// The experiment, which determines the meaning of the classes, if the file states it. 1: the direction
+    /// of a turn. 2: whether the human avoids.
     #[getter]
     fn experiment(&self) -> Option<u8> {
         self.experiment
@@ -148,8 +148,8 @@ impl Predictor {
         Ok(shaped(py, found, &[n, classes])?)
     }
 
-    /// The predicted class of each row: the likeliest, the lowest if tied; for support vector machines the one
-    /// with the most votes.
+    /// The predicted class of each row: the most probable class, or the lowest of them if several tie. For
+    /// support vector machines, it is the class with the most votes.
     ///
     /// Parameters
     /// ----------
@@ -188,12 +188,12 @@ impl Predictor {
         Ok(Self { predictor, experiment })
     }
 
-    /// Content of its file.
+    /// The content of the predictor's file.
     pub(crate) fn file(&self) -> PredictorFile {
         PredictorFile { experiment: self.experiment, ..PredictorFile::from(&self.predictor) }
     }
 
-    /// The predictor, if its classes are turns.
+    /// The predictor. An error if its classes are not directions of a turn.
     pub(crate) fn of_turns(&self) -> Result<&predict::Predictor, Error> {
         if self.experiment == Some(2) {
             let found = "experiment 2, a model of avoidance";
@@ -208,19 +208,19 @@ impl Predictor {
 /// Parameters
 /// ----------
 /// history : array of float64, shape (n, 2, 3), n ≥ 1
-///     Joint states from the start of the trial on, one per step: the poses (x, y, ψ) of the human and of the
-///     robot in the world frame, m, m, rad.
+///     Joint states from the start of the trial, one per step: the poses (x, y, ψ) of the human and of the
+///     robot in the world frame (m, m, rad).
 /// names : list of str
-///     As in `FEATURES`.
+///     Names of features, from `FEATURES`.
 /// parameters : SceneParameters, optional
-///     The paper's by default.
+///     By default the paper's.
 /// safety : SafetyLevels, optional
 ///     Required if the vehicles differ and a feature is a safety level.
 ///
 /// Returns
 /// -------
 /// array of float64, shape (n, names)
-///     Row i depends only on the states up to i. `FEATURES` has units and meanings.
+///     Row i depends only on the states up to i. `FEATURES` has the units and meanings.
 #[pyfunction]
 #[pyo3(signature = (history, names, *, parameters=None, safety=None))]
 pub(crate) fn features<'py>(
@@ -248,12 +248,12 @@ pub(crate) fn features<'py>(
     Ok(shaped(py, rows, &[history.len(), width])?)
 }
 
-/// Every feature: name, unit, meaning.
+/// The name, unit and meaning of every feature.
 pub(crate) fn feature_table() -> Vec<(&'static str, &'static str, &'static str)> {
     FEATURES.iter().map(|feature| (feature.name, feature.unit, feature.meaning)).collect()
 }
 
-/// Rows of features small enough for finite scores.
+/// Reads rows of features, and checks that they are small enough for finite scores.
 fn feature_rows(width: usize, rows: &Bound<'_, PyAny>) -> Result<(usize, Vec<f64>), Error> {
     let (n, rows) = matrix("rows", width, rows)?;
     if let Some(place) = rows.iter().position(|value| value.abs() > MOST_FEATURE) {
@@ -264,5 +264,5 @@ fn feature_rows(width: usize, rows: &Bound<'_, PyAny>) -> Result<(usize, Vec<f64
     Ok((n, rows))
 }
 
-/// Upper bound of features: scores of larger ones could overflow.
+/// Maximum magnitude of a feature. The scores of larger features could overflow.
 const MOST_FEATURE: f64 = 1e100;

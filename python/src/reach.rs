@@ -14,24 +14,24 @@ use crate::error::Error;
 use crate::interrupt::each;
 use crate::scalars::{real, whole};
 
-/// Every position and state that a vehicle can reach at constant speed under bounds on its turn rate.
+/// Every position and every pose that a vehicle can reach at constant speed under bounds on its turn rate.
 ///
 /// Parameters
 /// ----------
 /// start : array of float64, shape (3,)
-///     The pose (x, y, ψ) now, world frame, m, m, rad.
+///     The current pose (x, y, ψ) in the world frame (m, m, rad).
 /// lo, hi : array of float64, shape (T,), 1 ≤ T ≤ 100
-///     Lowest and highest turn rate of each step, rad/s, left positive; at most half a turn per step. Bounds
+///     Lowest and highest turn rate of each step (rad/s, left positive); at most half a turn per step. Bounds
 ///     that exclude driving straight by less than 10⁻⁵ rad over all steps are treated as if they allowed it.
 /// speed_mps : float
-///     Speed > 0, m/s; at most 100 m per step. By default the paper's.
+///     Speed (m/s), > 0; at most 100 m per step. By default the paper's.
 /// step_s : float
-///     Length of a step > 0, s; the paper's by default.
+///     Length of a step (s), > 0. By default the paper's.
 #[pyclass(frozen, eq, module = "sidestep")]
 #[derive(PartialEq)]
 pub(crate) struct ReachableSet {
     pub(crate) set: reach::ReachableSet,
-    /// The bounds it was created from.
+    /// The bounds that define the set.
     pub(crate) bounds: InputBounds,
     pub(crate) speed_mps: f64,
     pub(crate) step_s: f64,
@@ -52,34 +52,37 @@ impl ReachableSet {
         Self::under(start, list("lo", lo)?, list("hi", hi)?, speed_mps, step_s)
     }
 
-    /// Number of steps, T.
+    /// The number of steps T.
     #[getter]
     fn steps(&self) -> usize {
         self.set.steps()
     }
 
-    /// The positions reachable at any instant up to the last step, as a polygon.
+    /// The positions that are reachable at any instant up to the last step, as a polygon.
     ///
     /// Parameters
     /// ----------
     /// accuracy_m : float
-    ///     Largest distance of edges from the true boundary, m; 10⁻⁶ to 1. Where that would be too expensive,
-    ///     for large turns per step, many steps or high accuracy, the polygon is larger and contains the set.
+    ///     Maximum distance of the edges from the true boundary (m); 10⁻⁶ to 1. Where this accuracy would be
+    ///     too expensive (for large turns per step, many steps or high accuracy), the polygon is larger and
+    ///     contains the set.
     /// conservative : bool
-    ///     Whether the polygon must contain the set; otherwise it follows the boundary on either side.
+    ///     Whether the polygon must contain the set. Otherwise it follows the boundary on either side.
     /// return_margin : bool
     ///     Whether to also return the margin.
     ///
     /// Returns
     /// -------
     /// polygon : array of float64, shape (n, 2)
-    ///     Vertices (x, y), world frame, m, counter-clockwise; the first is not repeated. If the bounds leave no
-    ///     choice, a strip along the path whose width is a five-hundredth of the accuracy.
+    ///     Vertices (x, y) in the world frame (m), counter-clockwise. The first vertex is not repeated. If
+    ///     the bounds leave no choice, the polygon is a strip along the path, and its width is 1/500 of the
+    ///     accuracy.
     /// margin_m : float
-    ///     Only with `return_margin`, m. If 0, the polygon follows the boundary on either side, except at sharp
-    ///     corners, which can stick out by several times the accuracy. Otherwise the polygon contains the set: it
-    ///     was grown by this much, and is farther outside where it was drawn coarsely. Infinite if it is convex,
-    ///     because following the boundary would have been too expensive.
+    ///     Only with `return_margin` (m). If 0, the polygon follows the boundary on either side, except at
+    ///     sharp corners, which can stick out by several times the accuracy. Otherwise the polygon was grown
+    ///     by this margin so that it contains the set; it is farther outside where it was drawn coarsely. The
+    ///     margin is infinite if the polygon is convex, because following the boundary would have been too
+    ///     expensive.
     #[pyo3(signature = (*, accuracy_m=1e-3, conservative=false, return_margin=false))]
     fn tube<'py>(
         &self,
@@ -94,7 +97,7 @@ impl ReachableSet {
         polygon(py, return_margin, draw)
     }
 
-    /// The positions reachable after exactly `step` steps, as a polygon.
+    /// The positions that are reachable after exactly `step` steps, as a polygon.
     ///
     /// Parameters
     /// ----------
@@ -108,7 +111,7 @@ impl ReachableSet {
     /// Returns
     /// -------
     /// polygon : array of float64, shape (n, 2)
-    ///     As for `tube`; one vertex if only one position can be reached.
+    ///     As for `tube`, but one vertex if only one position is reachable.
     /// margin_m : float
     ///     As for `tube`.
     #[pyo3(signature = (step, *, accuracy_m=1e-3, conservative=false, return_margin=false))]
@@ -127,19 +130,21 @@ impl ReachableSet {
         polygon(py, return_margin, draw)
     }
 
-    /// Whether each state (position and heading) is reached after exactly `step` steps.
+    /// Whether each pose (position and heading) is reachable after exactly `step` steps.
     ///
-    /// Never false for a state within the tolerance of a reachable one. For large turns per step it can be true
-    /// for other states: a state counts as reached unless a bounded amount of work proves that it is outside.
+    /// The result is never false for a pose within the tolerance of a reachable one. For large turns per
+    /// step, it can be true for other poses, because a pose counts as reachable unless a limited amount of
+    /// work proves that it is outside.
     ///
     /// Parameters
     /// ----------
     /// states : array of float64, shape (n, 3)
-    ///     Poses (x, y, ψ), world frame, m, m, rad.
+    ///     Poses (x, y, ψ) in the world frame (m, m, rad).
     /// step : int
     ///     0 to T.
     /// position_m, heading_rad : float
-    ///     Tolerance: the largest distance of a state from a reachable one to count as reached, m and rad, ≥ 0.
+    ///     Tolerance (m and rad), ≥ 0: a pose counts as reachable if it is at most this far from a reachable
+    ///     one.
     ///
     /// Returns
     /// -------
@@ -159,13 +164,13 @@ impl ReachableSet {
         Ok(each(py, states.len(), inside)?.into_pyarray(py))
     }
 
-    /// Whether a drive is inside at each step; like `contains` for each state, but the bound on the work holds
-    /// for all of them together.
+    /// Whether a trajectory is inside at each of its steps. Like `contains` for each pose, but all poses
+    /// together share one limit on the work.
     ///
     /// Parameters
     /// ----------
     /// states : array of float64, shape (t, 3), 1 ≤ t ≤ T
-    ///     The poses after steps 1 … t, world frame, m, m, rad.
+    ///     The poses after steps 1 … t in the world frame (m, m, rad).
     /// position_m, heading_rad : float
     ///     As for `contains`.
     ///
@@ -214,7 +219,7 @@ impl ReachableSet {
         Ok(Self::of(start, InputBounds::new(lo, hi, (f64::MIN, f64::MAX))?, speed_mps, step_s)?)
     }
 
-    /// The set of a vehicle at `start`.
+    /// Creates the reachable set of a vehicle at `start`.
     pub(crate) fn of(
         start: Pose,
         bounds: InputBounds,
@@ -234,26 +239,26 @@ impl ReachableSet {
     }
 }
 
-/// The reachable set of each of m sets of bounds, as `bounds` returns them.
+/// The reachable sets for m sets of bounds, as `bounds` returns them.
 ///
-/// Speed and step are the paper's unless given: the bounds do not contain those of their prediction.
-/// `Shfrs.sets` and `OnlinePredictor.sets` use those of the prediction.
+/// Speed and step length are the paper's unless given, because the bounds do not contain those of their
+/// prediction. `Shfrs.sets` and `OnlinePredictor.sets` use the speed and step length of the prediction.
 ///
 /// Parameters
 /// ----------
 /// start : array of float64, shape (3,)
-///     The pose (x, y, ψ) now, world frame, m, m, rad.
+///     The current pose (x, y, ψ) in the world frame (m, m, rad).
 /// lo, hi : array of float64, shape (m, T), 1 ≤ T ≤ 100
-///     Lowest and highest turn rate of each step, rad/s, left positive.
+///     Lowest and highest turn rate of each step (rad/s, left positive).
 /// speed_mps : float
-///     Speed, m/s; at most 100 m per step. By default the paper's.
+///     Speed (m/s), > 0; at most 100 m per step. By default the paper's.
 /// step_s : float
-///     Length of a step, s; the paper's by default.
+///     Length of a step (s), > 0. By default the paper's.
 ///
 /// Returns
 /// -------
 /// list of ReachableSet
-///     m sets.
+///     The m sets.
 #[pyfunction]
 #[pyo3(name = "reach", signature = (start, lo, hi, speed_mps=2.0, step_s=0.2))]
 pub(crate) fn reach_all(
@@ -289,7 +294,7 @@ pub(crate) fn reach_all(
     .collect()
 }
 
-/// One to `most` poses, one after each step.
+/// Reads one to `most` poses, one after each step.
 pub(crate) fn drive(
     field: &str,
     most: usize,
@@ -303,7 +308,7 @@ pub(crate) fn drive(
     Ok(states)
 }
 
-/// A polygon as an array, with its margin on request.
+/// Draws a polygon and returns it as an array, with its margin on request.
 fn polygon(
     py: Python<'_>,
     return_margin: bool,
@@ -318,7 +323,7 @@ fn polygon(
     Ok(polygon.into_any())
 }
 
-/// By how much a polygon was grown, m; infinite for one that does not follow the boundary.
+/// The margin by which a polygon was grown (m). Infinite for a polygon that does not follow the boundary.
 pub(crate) fn margin_m(outline: Outline) -> f64 {
     match outline {
         Outline::Refined { margin_m } => margin_m,

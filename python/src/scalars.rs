@@ -1,12 +1,13 @@
-//! Numbers and words from Python. Integers beyond the machine's range are accepted and clamped to the largest
-//! one (infinity for real numbers), so that the check of the argument reports its name.
+//! Conversion of numbers and words from Python. Integers beyond the machine's range are clamped to the
+//! nearest machine integer, or to ±infinity for real numbers. The check of the argument then rejects them
+//! with an error that names the argument.
 
 use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBool;
 use sidestep::invalid::Invalid;
 
-/// A real number.
+/// Reads a real number.
 pub(crate) fn real(object: &Bound<'_, PyAny>) -> PyResult<f64> {
     if object.is_instance_of::<PyBool>() {
         return Err(PyTypeError::new_err("must be real number, not bool"));
@@ -14,7 +15,7 @@ pub(crate) fn real(object: &Bound<'_, PyAny>) -> PyResult<f64> {
     or_largest(object, [f64::NEG_INFINITY, f64::INFINITY])
 }
 
-/// The argument `horizon_s`. It may be infinite, but not an integer that is too large.
+/// Reads the argument `horizon_s`. It may be infinite, but not an integer that is too large.
 pub(crate) fn horizon(object: &Bound<'_, PyAny>) -> PyResult<f64> {
     let horizon_s = real(object)?;
     if horizon_s.is_infinite() && object.is_instance_of::<pyo3::types::PyInt>() {
@@ -27,33 +28,33 @@ pub(crate) fn horizon(object: &Bound<'_, PyAny>) -> PyResult<f64> {
     Ok(horizon_s)
 }
 
-/// A whole number.
+/// Reads a whole number.
 pub(crate) fn whole(object: &Bound<'_, PyAny>) -> PyResult<i64> {
     or_largest(object, [i64::MIN, i64::MAX])
 }
 
-/// A real number or None.
+/// Reads a real number or None.
 pub(crate) fn some_real(object: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
     if object.is_none() { Ok(None) } else { real(object).map(Some) }
 }
 
-/// A whole number or None.
+/// Reads a whole number or None.
 pub(crate) fn some_whole(object: &Bound<'_, PyAny>) -> PyResult<Option<i64>> {
     if object.is_none() { Ok(None) } else { whole(object).map(Some) }
 }
 
-/// A list of whole numbers.
+/// Reads a list of whole numbers.
 pub(crate) fn wholes(object: &Bound<'_, PyAny>) -> PyResult<Vec<i64>> {
     let entries: Vec<Bound<'_, PyAny>> = object.extract()?;
     entries.iter().map(whole).collect()
 }
 
-/// A list of whole numbers or None.
+/// Reads a list of whole numbers or None.
 pub(crate) fn some_wholes(object: &Bound<'_, PyAny>) -> PyResult<Option<Vec<i64>>> {
     if object.is_none() { Ok(None) } else { wholes(object).map(Some) }
 }
 
-/// The argument `seed`.
+/// Reads the argument `seed`.
 pub(crate) fn seed(object: &Bound<'_, PyAny>) -> PyResult<u64> {
     object.extract().map_err(|error: PyErr| {
         if !error.is_instance_of::<PyOverflowError>(object.py()) {
@@ -66,7 +67,7 @@ pub(crate) fn seed(object: &Bound<'_, PyAny>) -> PyResult<u64> {
     })
 }
 
-/// A number; an integer out of range is clamped to the least or the largest one.
+/// Reads a number. An integer out of range is clamped to `least` or `largest`.
 fn or_largest<'py, T>(object: &Bound<'py, PyAny>, [least, largest]: [T; 2]) -> PyResult<T>
 where
     T: for<'a> FromPyObject<'a, 'py, Error = PyErr>,
@@ -79,8 +80,8 @@ where
     })
 }
 
-/// Defines functions that extract string arguments by name: Python's own error for a value that is not a string
-/// does not name the argument.
+/// Defines functions that read a string argument, each with the name of its argument. Python's own error for
+/// a value that is not a string does not name the argument.
 macro_rules! words {
     ($($argument:ident),*) => {$(
         pub(crate) fn $argument<'a>(object: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {

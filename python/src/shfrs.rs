@@ -1,4 +1,4 @@
-//! Stochastic human forward reachable sets.
+//! Stochastic human forward reachable sets (SHFRS).
 
 use std::sync::{Arc, Mutex};
 
@@ -30,20 +30,20 @@ use crate::vehicles::SceneParameters;
 
 /// Nested forward reachable sets F_1 ⊆ F_2 ⊆ … of the human, predicted from the states so far.
 ///
-/// They assume that the human continues at the speed of the parameters and within its turn rate: they prove
-/// nothing about a human who stands still, or moves slower or faster. `departure` says whether the last step
-/// was like that; `clear` is then −∞.
+/// They assume that the human continues at the speed of the parameters and within its turn rate. They prove
+/// nothing about a human who stands still, or moves slower or faster. If the last step was like that,
+/// `departure` says so and `clear` returns −∞.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct Shfrs {
     pub(crate) found: shfrs::Shfrs,
     reachable: Vec<Reachable>,
-    /// The last state, and the one before it.
+    /// The last state.
     now: JointState,
     before: Option<JointState>,
     pub(crate) source: Arc<Source>,
 }
 
-/// The source of the prediction.
+/// The model and the settings that a prediction used.
 pub(crate) struct Source {
     pub(crate) human: Human,
     pub(crate) settings: shfrs::ShfrsSettings,
@@ -52,48 +52,49 @@ pub(crate) struct Source {
 
 #[pymethods]
 impl Shfrs {
-    /// By how much each set widens the bounds, rad/s, shape (m,).
+    /// By how much each set widens the bounds (rad/s), shape (m,).
     #[getter]
     fn epsilon<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.found.sets.iter().map(|set| set.epsilon).collect::<Vec<_>>().into_pyarray(py)
     }
 
-    /// Lowest turn rate of each step in each set, rad/s, shape (m, T).
+    /// Lowest turn rate of each step in each set (rad/s), shape (m, T).
     #[getter]
     fn lo<'py>(&self, py: Python<'py>) -> Result<Array<'py>, Error> {
         Ok(stacked(py, self.bounds())?.0)
     }
 
-    /// Highest turn rate of each step in each set, rad/s, shape (m, T).
+    /// Highest turn rate of each step in each set (rad/s), shape (m, T).
     #[getter]
     fn hi<'py>(&self, py: Python<'py>) -> Result<Array<'py>, Error> {
         Ok(stacked(py, self.bounds())?.1)
     }
 
-    /// The tube of each set, which has every position within the coming steps: m polygons of shape (n, 2),
-    /// world frame, m, counter-clockwise.
+    /// The tube of each set, which contains every position reachable within the future steps: m polygons of
+    /// shape (n, 2) in the world frame (m), counter-clockwise.
     #[getter]
     fn tubes<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
         self.found.sets.iter().map(|set| points(py, &set.tube)).collect()
     }
 
-    /// By how much each tube was grown so that it contains its set, m, shape (m,), as returned by
-    /// `ReachableSet.tube`: 0 if it follows the boundary, infinite if it is a convex polygon around the set.
+    /// By how much each tube was grown so that it contains its set (m), shape (m,), as returned by
+    /// `ReachableSet.tube`. 0 if the tube follows the boundary; infinite if it is a convex polygon around the
+    /// set.
     #[getter]
     fn margins_m<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         let margins = self.found.sets.iter().map(|set| margin_m(set.tube_outline));
         margins.collect::<Vec<_>>().into_pyarray(py)
     }
 
-    /// Area of each tube, m², shape (m,).
+    /// Area of each tube (m²), shape (m,).
     #[getter]
     fn areas_m2<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.found.sets.iter().map(|set| set.area_m2).collect::<Vec<_>>().into_pyarray(py)
     }
 
-    /// The areas of the sets as shares of the worst case's area, that of everything the human's vehicle can
-    /// reach, shape (m,), at most 1: a set with a share near 1 says no more than the vehicle does. `areas_m2`
-    /// are those of the polygons, which differ from the sets by their accuracy.
+    /// The area of each set as a share of the worst-case area, shape (m,), at most 1. The worst case is
+    /// everything that the human's vehicle can reach, so a set with a share near 1 says no more than the
+    /// vehicle does. `areas_m2` has the areas of the polygons, which differ from the sets by their accuracy.
     #[getter]
     fn shares_of_worst_case<'py>(
         &self,
@@ -101,8 +102,8 @@ impl Shfrs {
     ) -> Result<Bound<'py, PyArray1<f64>>, Error> {
         let Source { human, settings, .. } = &*self.source;
         let worst = worst_case_area_m2(&human.parameters, settings.bounds.steps())?;
-        // Both areas follow the same rule; with polygon areas, tighter bounds could seem to have a larger area,
-        // within the accuracy.
+        // Compute both areas by the same rule. With polygon areas, tighter bounds could seem to have a larger
+        // area, within the accuracy.
         let share = |set: &shfrs::NestedSet| {
             Ok((tube_area_m2(&set.bounds, &human.parameters)? / worst).min(1.0))
         };
@@ -110,7 +111,7 @@ impl Shfrs {
         Ok(shares?.into_pyarray(py))
     }
 
-    /// The positions after exactly 1 … T steps, for each set: m lists of T polygons; empty lists without
+    /// For each set, the positions after exactly 1 … T steps: m lists of T polygons. Empty lists without
     /// `by_step`.
     #[getter]
     fn step_polygons<'py>(&self, py: Python<'py>) -> PyResult<Vec<Vec<Bound<'py, PyArray2<f64>>>>> {
@@ -118,8 +119,8 @@ impl Shfrs {
         self.found.sets.iter().map(of).collect()
     }
 
-    /// By how much each of `step_polygons` was grown, m, shape (m, T), or (m, 0) without `by_step`; as
-    /// `margins_m`.
+    /// By how much each of `step_polygons` was grown (m), as in `margins_m`. Shape (m, T), or (m, 0) without
+    /// `by_step`.
     #[getter]
     fn step_margins_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let sets = &self.found.sets;
@@ -128,15 +129,15 @@ impl Shfrs {
         margins.collect::<Vec<_>>().into_pyarray(py).reshape([sets.len(), steps])
     }
 
-    /// Why the sets say nothing about the human's next steps: the human's vehicle of the parameters cannot have
-    /// driven the last step of the history, to a millimetre and a milliradian; in words, with the measurement.
-    /// `None` if it can, if the history has one state, or with `assume_vehicle`.
+    /// Why the sets say nothing about the human's next steps, in words and with the measurement: the human's
+    /// vehicle of the parameters cannot have driven the last step of the history, to a millimetre and a
+    /// milliradian. `None` if it can, if the history has only one state, or with `assume_vehicle`.
     #[getter]
     fn departure(&self) -> Option<String> {
         self.departed().map(|found| found.to_string())
     }
 
-    /// The m reachable sets, for other polygons and for tests of states.
+    /// The m reachable sets, to draw other polygons and to test poses.
     #[getter]
     fn sets(&self) -> Vec<ReachableSet> {
         let (human, step_s) = (self.source.human.parameters.human, self.step_s());
@@ -150,15 +151,17 @@ impl Shfrs {
         .collect()
     }
 
-    /// Whether a drive is inside each set at every one of its steps. What is undecided after a bounded amount
-    /// of work counts as outside, so that shares of contained drives are never too large.
+    /// Whether a trajectory is inside each set at every one of its steps. A pose that is undecided after a
+    /// limited amount of work counts as outside, so that shares of contained trajectories are never too
+    /// large.
     ///
     /// Parameters
     /// ----------
     /// states : array of float64, shape (t, 3), 1 ≤ t ≤ T
-    ///     The human's poses after steps 1 … t, world frame, m, m, rad.
+    ///     The human's poses after steps 1 … t in the world frame (m, m, rad).
     /// position_m, heading_rad : float
-    ///     Tolerance: the largest distance of a state from a reachable one to count as reached, m and rad, ≥ 0.
+    ///     Tolerance (m and rad), ≥ 0: a pose counts as reachable if it is at most this far from a reachable
+    ///     one.
     ///
     /// Returns
     /// -------
@@ -178,43 +181,44 @@ impl Shfrs {
         Ok(each(py, self.reachable.len(), inside)?.into_pyarray(py))
     }
 
-    /// Clearance of a plan of the robot that starts now from where the human may be: at every instant, not only
-    /// at the ends of steps, and proved for a human at the speed of the parameters, whatever the turn rates.
+    /// The clearance between a plan of the robot that starts now and the positions where the human may be. It
+    /// holds at every instant, not only at the ends of steps. It is proven for a human at the speed of the
+    /// parameters, for all turn rates within the bounds of the set.
     ///
-    /// Between two poses the robot holds its speed and its turn rate. If your robot deviates from that, add the
-    /// deviation to `radius_m`. The human is a point: also add a radius for the body.
+    /// Between two poses the robot holds its speed and its turn rate. If your robot deviates from that, add
+    /// the deviation to `radius_m`. The human is a point, so also add a radius for the body.
     ///
     /// Parameters
     /// ----------
     /// plan : array of float64, shape (T, 3)
-    ///     The robot's poses (x, y, ψ) after steps 1 … T, as returned by `drive`, world frame, m, m, rad. The
-    ///     current pose is not included: it is that of the robot in the last state of the history. (Rust's
-    ///     `Plan` starts with it.)
+    ///     The robot's poses (x, y, ψ) after steps 1 … T in the world frame (m, m, rad), as returned by
+    ///     `drive`. The current pose is not included; it is the robot's pose in the last state of the
+    ///     history. (Rust's `Plan` starts with the current pose.)
     /// radius_m : float
-    ///     Radius of a disc around the robot's position, m, 0 to 10⁴; with `corners`, how far the robot extends
-    ///     beyond them.
+    ///     Radius of a disc around the robot's position (m), 0 to 10⁴. With `corners`, how far the robot
+    ///     extends beyond them.
     /// corners : array of float64, shape (n, 2), optional
-    ///     Corners of the robot, whose convex hull counts, in its frame: x ahead, y to the left, m.
+    ///     Corners of the robot in its own frame (m): x ahead, y to the left. Their convex hull counts.
     /// most_speed_mps, most_turn_rate_radps : float, optional
-    ///     Limits of the robot, > 0, m/s and rad/s: a plan that exceeds them is refused as a jump. By default
-    ///     the speed and turn rate of the robot of the parameters.
+    ///     Limits of the robot (m/s and rad/s), > 0. A plan that exceeds them is rejected as a jump. By
+    ///     default the speed and turn rate of the robot of the parameters.
     /// accuracy_m : float
-    ///     How far a clearance of up to 2 m may be below the true value, m; 10⁻⁴ to 10. It can be lower still
-    ///     where the search is cut short, for large turns per step or over tens of steps.
+    ///     How far a clearance of up to 2 m may be below the true value (m); 10⁻⁴ to 10. It can be lower
+    ///     still where the search is cut short, for large turns per step or over tens of steps.
     ///
     /// Returns
     /// -------
     /// array of float64, shape (m, T)
-    ///     For each set and step, a lower bound on the distance from the robot to any human who drives within
-    ///     the set, m. At ≤ 0 they may touch; the magnitude of a negative value has no meaning. −∞ throughout
-    ///     if the vehicle cannot have driven the human's last step: `departure` gives the reason. Input of
-    ///     `largest_clear`.
+    ///     For each set and step, a lower bound on the distance (m) from the robot to any human who drives
+    ///     within the set. If it is ≤ 0, they may touch; the magnitude of a negative value has no meaning. −∞
+    ///     throughout if the vehicle cannot have driven the human's last step; `departure` gives the reason.
+    ///     Pass the result to `largest_clear`.
     ///
     /// Raises
     /// ------
     /// ValueError
     ///     If the plan has another shape than (T, 3), jumps (the message says where), or was made by `drive`
-    ///     for other steps.
+    ///     for another step length.
     #[pyo3(signature = (plan, radius_m, *, corners=None, most_speed_mps=None, most_turn_rate_radps=None, accuracy_m=0.02))]
     fn clear<'py>(
         &self,
@@ -234,7 +238,7 @@ impl Shfrs {
         self.found.sets.len()
     }
 
-    /// Whether the sets and their source are the same.
+    /// Whether the sets are equal and were predicted from the same states with the same model and settings.
     fn __eq__(&self, other: &Self) -> bool {
         self.found == other.found
             && (self.now, self.before) == (other.now, other.before)
@@ -247,7 +251,8 @@ impl Shfrs {
         self.found.sets.len()
     }
 
-    /// The sets that `predictor` predicted after these one or two last states, from bounds of shape (m, T).
+    /// The sets that `predictor` predicted after these one or two last states, given their bounds of shape
+    /// (m, T).
     #[staticmethod]
     #[pyo3(name = "_of")]
     fn of(
@@ -296,7 +301,7 @@ impl Shfrs {
     }
 }
 
-/// The predictor, the last states and the bounds of sets.
+/// The predictor, the last states and the bounds that recreate the sets.
 type Drawn<'py> = (Bound<'py, ShfrsPredictor>, Array<'py>, Array<'py>, Array<'py>);
 
 impl Shfrs {
@@ -315,7 +320,7 @@ impl Shfrs {
         Ok(py.detach(find)?)
     }
 
-    /// How the last step departs from the motion of the vehicle, if so.
+    /// How the last step departs from the motion of the vehicle. `None` if it does not.
     fn departed(&self) -> Option<Departure> {
         let before = self.before.filter(|_| !self.source.assume_vehicle)?;
         departure(&self.source.human.parameters, before.human, self.now.human)
@@ -337,27 +342,27 @@ impl Shfrs {
     }
 }
 
-/// Predicts sets online, frame by frame. The robot drives straight ahead.
+/// Predicts sets online, one frame at a time. The robot is assumed to drive straight ahead.
 ///
 /// Parameters
 /// ----------
 /// model : Predictor or ActionModel
-///     Probabilities of the human's actions.
+///     Model of the probabilities of the human's actions.
 /// settings : ShfrsSettings, optional
 ///     By default the paper's (`ShfrsSettings.paper`): ten steps of `step_s`, with ε in proportion to the
 ///     human's turn rate.
 /// parameters : SceneParameters, optional
-///     The paper's by default.
+///     By default the paper's.
 /// safety : SafetyLevels, optional
 ///     Required if the vehicles differ and a feature of the model is a safety level.
 /// assume_vehicle : bool
-///     Whether clearances assume that the human drives on like the vehicle of the parameters, even after a step
-///     that this vehicle cannot have driven (`Shfrs.departure`). They can then be positive for a human who
-///     stands in the way.
+///     Whether clearances assume that the human continues to drive like the vehicle of the parameters, even
+///     after a step that this vehicle cannot have driven (`Shfrs.departure`). Clearances can then be positive
+///     for a human who stands in the way.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct ShfrsPredictor {
     source: Arc<Source>,
-    /// Its buffers serve one prediction at a time.
+    /// Buffers, which serve one prediction at a time.
     frames: Mutex<shfrs::ShfrsPredictor>,
 }
 
@@ -398,8 +403,8 @@ impl ShfrsPredictor {
     /// Parameters
     /// ----------
     /// history : array of float64, shape (n, 2, 3), n ≥ 1
-    ///     Joint states from the start to now, one per step: the poses (x, y, ψ) of the human and of the robot
-    ///     in the world frame, m, m, rad.
+    ///     Joint states from the start of the trial to now, one per step: the poses (x, y, ψ) of the human
+    ///     and of the robot in the world frame (m, m, rad).
     ///
     /// Returns
     /// -------
@@ -411,7 +416,8 @@ impl ShfrsPredictor {
         let parameters = &human.parameters;
         let mut watch = Watch::new();
         let predicted = human.work(py, |learned| {
-            // Another thread may be predicting, or a Python function may predict within its own prediction.
+            // The buffers may be in use: another thread may be predicting, or a Python function may start a
+            // prediction within its own prediction.
             let mut other = shfrs::ShfrsPredictor::default();
             let mut kept = self.frames.try_lock().ok();
             let frames = kept.as_deref_mut().unwrap_or(&mut other);

@@ -1,4 +1,4 @@
-//! Settings of sets.
+//! Settings for predicted sets.
 
 use std::path::PathBuf;
 
@@ -21,26 +21,27 @@ use crate::scalars::{real, some_real, some_whole, some_wholes};
 
 /// Settings for predicting and drawing sets.
 ///
-/// `calibrate` finds ε for a choice of actions. The choice itself, `k` or `tau`, is tuned by the command
-/// `sidestep shfrs` and by Rust's `tune`.
+/// `calibrate` finds ε for a given choice of actions. The command `sidestep shfrs` and Rust's `tune` tune the
+/// choice itself, `k` or `tau`.
 ///
 /// Parameters
 /// ----------
 /// epsilon : array of float64, shape (m,)
-///     By how much each set widens the bounds, rad/s; increasing, ≥ 0. A last one of twice the human's turn
-///     rate admits everything.
+///     By how much each set widens the bounds (rad/s); ≥ 0 and ascending. A last value of twice the human's
+///     turn rate admits every turn rate.
 /// k : list of int, optional
-///     Number of the likeliest actions that count at each coming step; actions tied with the last of them count
-///     too.
+///     How many of the most probable actions count at each future step. Actions that tie with the last of
+///     these also count.
 /// tau, steps : float and int, optional
-///     Instead of `k`: the probability in (0, 1] from which an action counts, and the number of coming steps.
+///     Instead of `k`: a probability threshold in (0, 1], and the number of future steps. An action counts if
+///     its probability is at least min(tau, the largest probability).
 /// rollout : {"base", "paper"}
-///     Bounds that the simulations within Algorithm 1 follow: before widening by ε ("base"), or of F_1
-///     ("paper").
+///     Which bounds the simulations within Algorithm 1 follow: the bounds before widening by ε ("base"), or
+///     the bounds of F_1 ("paper").
 /// accuracy_m : float
-///     Accuracy of the polygons, m; 10⁻⁶ to 1.
+///     Accuracy of the polygons (m); 10⁻⁶ to 1.
 /// by_step : bool
-///     Whether to also draw the positions after each step, besides the tube.
+///     Whether to also draw the positions after each step, in addition to the tube.
 #[pyclass(frozen, eq, from_py_object, module = "sidestep")]
 #[derive(Clone, PartialEq)]
 pub(crate) struct ShfrsSettings {
@@ -67,21 +68,21 @@ impl ShfrsSettings {
         let (epsilon, choice) = (list("epsilon", epsilon)?, choice(k, tau, steps)?);
         drawn(accuracy_m, false)?;
         let settings = Self { epsilon, choice, rollout: rolled_out(rollout)?, accuracy_m, by_step };
-        // The number of actions does not limit k here.
+        // The number of actions is unknown here and does not limit k.
         settings.bounds(usize::MAX)?;
         Ok(settings)
     }
 
-    /// The paper's settings of Figure 3, for three actions and ten steps. On the left, two actions count in the
-    /// first two steps and one from then on, with ε = 0, 0.15, 0.25, 0.4 and 1 rad/s.
+    /// The paper's settings of Figure 3, for three actions and ten steps. In the left part, two actions count
+    /// in the first two steps and one action in the later steps, with ε = 0, 0.15, 0.25, 0.4 and 1 rad/s.
     ///
     /// Parameters
     /// ----------
     /// figure : {"left", "middle", "right"}
     ///     Part of the figure.
     /// turn_rate_radps : float
-    ///     The human's turn rate > 0, rad/s, by default the paper's. ε scales with it, so that the last one,
-    ///     twice the turn rate, admits everything.
+    ///     The human's turn rate (rad/s), > 0; by default the paper's. ε is proportional to it, so that the
+    ///     last ε is twice the turn rate and admits every turn rate.
     /// by_step : bool
     ///     Whether to also draw the positions after each step.
     ///
@@ -114,38 +115,38 @@ impl ShfrsSettings {
         })
     }
 
-    /// By how much each set widens the bounds, rad/s.
+    /// By how much each set widens the bounds (rad/s).
     #[getter]
     fn epsilon<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.epsilon.clone().into_pyarray(py)
     }
 
-    /// Number of actions that count at each coming step; `None` with `tau`.
+    /// How many of the most probable actions count at each future step. `None` with `tau`.
     #[getter]
     fn k(&self) -> Option<Vec<usize>> {
         if let ActionChoice::TopK(k) = &self.choice { Some(k.clone()) } else { None }
     }
 
-    /// The probability from which an action counts; `None` with `k`.
+    /// The probability threshold for actions, as in the parameter `tau`. `None` with `k`.
     #[getter]
     fn tau(&self) -> Option<f64> {
         if let ActionChoice::Adaptive { tau, .. } = self.choice { Some(tau) } else { None }
     }
 
-    /// Number of coming steps, T.
+    /// Number of future steps, T.
     #[getter]
     pub(crate) fn steps(&self) -> usize {
         self.choice.steps()
     }
 
-    /// Bounds that roll-outs follow.
+    /// Which bounds the roll-outs follow, `base` or `paper`.
     #[getter]
     fn rollout(&self) -> &'static str {
         self.rollout.word()
     }
 
     /// Writes the settings as JSON. The laboratory's explorer and `sidestep shfrs --settings` can read the
-    /// file, unless `accuracy_m` or `by_step` was given, or there are more than ten sets.
+    /// file, unless `accuracy_m` or `by_step` differs from its default, or there are more than ten sets.
     fn save(&self, path: PathBuf) -> Result<(), Error> {
         kept::saved("settings", &path, &self.file())
     }
@@ -155,7 +156,7 @@ impl ShfrsSettings {
     /// Raises
     /// ------
     /// ValueError
-    ///     If the file is malformed, has invalid values, or another format version.
+    ///     If the file is malformed, has invalid values, or has another format version.
     #[staticmethod]
     fn load(path: PathBuf) -> Result<Self, Error> {
         let file: SettingsFile = kept::loaded("settings", &path)?;
@@ -195,14 +196,14 @@ impl ShfrsSettings {
         BoundsSettings::new(self.epsilon.clone(), self.choice.clone(), self.rollout, actions)
     }
 
-    /// Settings for a model with this number of actions.
+    /// The library's settings for a model with this number of actions.
     pub(crate) fn of_prediction(&self, actions: usize) -> Result<shfrs::ShfrsSettings, Error> {
         Ok(shfrs::ShfrsSettings::new(self.bounds(actions)?)
             .with_polygon(drawn(self.accuracy_m, false)?)
             .with_by_step(self.by_step))
     }
 
-    /// Creates settings from those of a prediction.
+    /// Creates settings from the library's settings of a prediction.
     pub(crate) fn of(settings: &shfrs::ShfrsSettings) -> Self {
         let bounds = &settings.bounds;
         Self {
@@ -214,7 +215,7 @@ impl ShfrsSettings {
         }
     }
 
-    /// Content of their file.
+    /// The content of the settings' file.
     pub(crate) fn file(&self) -> SettingsFile {
         let (epsilon, steps) = (self.epsilon.clone(), self.steps());
         let mut file = SettingsFile::new(epsilon, self.k(), self.tau(), steps, self.rollout);
@@ -223,7 +224,7 @@ impl ShfrsSettings {
         file
     }
 
-    /// Creates settings from those of a file.
+    /// Creates settings from the content of a file.
     pub(crate) fn of_file(file: &SettingsFile) -> Result<Self, Invalid> {
         let choice = file.choice()?;
         if choice.steps() > MOST_STEPS {
@@ -242,16 +243,16 @@ impl ShfrsSettings {
         &self.choice
     }
 
-    /// The same settings with other sets.
+    /// The same settings, but with these ε and with `base` roll-outs.
     pub(crate) fn with(&self, epsilon: Vec<f64>) -> Self {
         Self { epsilon, rollout: Rollout::Base, ..self.clone() }
     }
 }
 
-/// Default accuracy of polygons, m.
+/// Default accuracy of polygons (m).
 const USUAL_ACCURACY_M: f64 = 1e-3;
 
-/// The paper's settings for a model with this number of actions and the human of these parameters.
+/// The paper's settings, for a model with this number of actions and for the human of these parameters.
 pub(crate) fn usual(
     actions: usize,
     parameters: &scene::SceneParameters,

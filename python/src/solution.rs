@@ -1,4 +1,4 @@
-//! Solutions on a grid: V as a function of state and time.
+//! Solutions on a grid: the value function V as a function of state and time.
 
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -17,14 +17,14 @@ use crate::grid::Grid;
 use crate::scalars::{self, real, some_real, some_whole};
 use crate::value::{checked, in_parts};
 
-/// Values on the nodes.
+/// Values at the nodes.
 type Values<'py> = Bound<'py, numpy::PyArrayDyn<f32>>;
 
-/// Result of `hj_solve`: V on the nodes, and by interpolation at any state of the grid.
+/// Result of `hj_solve`: V at the nodes and, by interpolation, at any state within the grid.
 ///
-/// Between nodes V is linear along each axis, plus a parabola with the smaller of the second differences at
-/// both ends of an edge; between instants it is linear in time. Outside the grid there is no value: a state
-/// there raises an error, or has NaN on request.
+/// Between nodes, V is linear along each axis, plus a parabola whose curvature is the smaller of the second
+/// differences at the two ends of an edge. Between stored instants, V is linear in time. Outside the grid, V
+/// is unknown: a state there raises an error or, on request, gives NaN.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct Solution {
     pub(crate) grid: Grid,
@@ -33,14 +33,14 @@ pub(crate) struct Solution {
 
 #[pymethods]
 impl Solution {
-    /// The nodes.
+    /// The grid.
     #[getter]
     fn grid(&self) -> Grid {
         self.grid.clone()
     }
 
-    /// The instants, s of the march, shape (nt,): the time left, or forward the time since the start. The last
-    /// one is the horizon.
+    /// The stored instants as times of the march (s), shape (nt,): the time left or, in a forward solution,
+    /// the time since the start. The last instant is the horizon.
     #[getter]
     fn times<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let times = self.solved.times_s();
@@ -48,7 +48,7 @@ impl Solution {
         shaped(py, times, &shape)
     }
 
-    /// V at each instant and node, float32, shape (nt, *nodes).
+    /// V at each stored instant and node, float32, shape (nt, *nodes).
     #[getter]
     fn values<'py>(&self, py: Python<'py>) -> PyResult<Values<'py>> {
         let instants = self.solved.times_s().len();
@@ -56,13 +56,13 @@ impl Solution {
         shaped(py, self.solved.values(), &shape)
     }
 
-    /// Direction of time, `backward` or `forward`.
+    /// Direction of time, "backward" or "forward".
     #[getter]
     fn direction(&self) -> &'static str {
         word(DIRECTIONS, self.solved.march().0)
     }
 
-    /// Whether it is a `tube` or a `set`.
+    /// Whether the solution is a "tube" or a "set".
     #[getter]
     fn kind(&self) -> &'static str {
         word(KINDS, self.solved.march().1)
@@ -74,7 +74,7 @@ impl Solution {
         self.solved.march().2
     }
 
-    /// The largest change of V per second at the end: near 0 where V has settled. It says nothing about
+    /// The largest change of V per second at the end. It is near 0 if V has settled. It says nothing about
     /// accuracy.
     #[getter]
     fn residual(&self) -> f64 {
@@ -86,18 +86,18 @@ impl Solution {
     /// Parameters
     /// ----------
     /// states : array of float64, shape (…, D)
-    ///     On the grid; any real number along periodic axes.
+    ///     States within the grid. Along periodic axes, any real number is allowed.
     /// tau_s : float, optional
-    ///     The time of the march, s, as in `times`; the horizon by default.
+    ///     The time of the march (s), as in `times`; by default the horizon.
     /// outside : {"raise", "nan"}
-    ///     Whether a state outside the grid raises an error, or has NaN.
+    ///     Whether a state outside the grid raises an error or gives NaN.
     /// threads : int, optional
     ///     Maximum number of threads; by default the number of processors.
     ///
     /// Returns
     /// -------
     /// array of float64, shape (…,)
-    ///     V; at ≤ 0 the state belongs to the tube or set.
+    ///     V. If V ≤ 0, the state belongs to the tube or set.
     #[pyo3(signature = (states, *, tau_s=None, outside="raise", threads=None))]
     fn value<'py>(
         &self,
@@ -122,7 +122,7 @@ impl Solution {
     /// Returns
     /// -------
     /// array of float64, shape (…, D)
-    ///     ∂V/∂x_d, in the unit of V per unit of the coordinate; one-sided where V has a kink.
+    ///     ∂V/∂x_d, in the unit of V per unit of coordinate d; one-sided where V has a kink.
     #[pyo3(signature = (states, *, tau_s=None, outside="raise", threads=None))]
     fn gradient<'py>(
         &self,
@@ -137,30 +137,30 @@ impl Solution {
         Ok(shaped(py, found, &[&asked.shape[..], &[self.grid.axes.len()]].concat())?)
     }
 
-    /// Optimal inputs by the gradient of V at many states: what both players do at that state and time; with
-    /// `forward`, what they did when they arrived there.
+    /// Optimal inputs at many states, from the gradient of V: what both players do at that state and time.
+    /// With `direction="forward"`, what they did when they arrived there.
     ///
     /// Parameters
     /// ----------
     /// states, outside, threads
     ///     As for `value`.
     /// tau_s : float or "first", optional
-    ///     As for `value`; or "first" for the first of `times` at which each state belongs to the tube (the
-    ///     horizon if it never does). Long before the horizon V is flat inside a tube, and inputs at the
-    ///     horizon follow rounding errors.
+    ///     As for `value`. "first" stands for the first of `times` at which each state belongs to the tube
+    ///     (the horizon if it never does). V is flat inside a tube long before the horizon, so that the
+    ///     inputs at the horizon follow rounding errors.
     ///
     /// Returns
     /// -------
     /// u : array of float64, shape (…, m)
-    ///     Of the player who minimises V.
+    ///     Inputs of the player who minimises V.
     /// d : array of float64, shape (…, k)
-    ///     Of the player who maximises V. An input without effect is the middle of its range.
+    ///     Inputs of the player who maximises V. An input without effect is the middle of its range.
     ///
     /// Raises
     /// ------
     /// ValueError
-    ///     As for `value`, or `time_to_reach` with "first"; and for a loaded solution, which does not contain
-    ///     the game.
+    ///     As for `value`, and with "first" as for `time_to_reach`. Also for a loaded solution, because its
+    ///     file does not contain the game.
     #[pyo3(signature = (states, *, tau_s=None, outside="raise", threads=None))]
     fn inputs<'py>(
         &self,
@@ -186,25 +186,27 @@ impl Solution {
         Ok((shaped(py, u, &wide(m))?, shaped(py, d, &wide(k))?))
     }
 
-    /// The first time of the march at which states belong to the tube: backward, the time they need to the
-    /// target; forward, the time after which they are reached.
+    /// The first time of the march at which states belong to the tube. In a backward solution, it is the time
+    /// that a state needs to reach the target. In a forward solution, it is the time after which the state is
+    /// reached.
     ///
     /// Parameters
     /// ----------
     /// states, threads
     ///     As for `value`.
     /// outside : {"nan", "raise"}
-    ///     Whether a state outside the grid has NaN, or raises an error.
+    ///     Whether a state outside the grid gives NaN or raises an error.
     ///
     /// Returns
     /// -------
     /// array of float64, shape (…,)
-    ///     s; 0 in the target, inf where the horizon is too short. V is linear between the instants of `times`.
+    ///     The time (s). 0 in the target, inf where the horizon is too short. V is linear between the
+    ///     instants of `times`.
     ///
     /// Raises
     /// ------
     /// ValueError
-    ///     As for `value`; also for a set, which is not a tube, and if `times` was one number.
+    ///     As for `value`. Also for a set, which is not a tube, and if `times` was one number.
     #[pyo3(signature = (states, *, outside="nan", threads=None))]
     fn time_to_reach<'py>(
         &self,
@@ -217,16 +219,18 @@ impl Solution {
         Ok(shaped(py, found, &asked.shape)?)
     }
 
-    /// Where V may depend on values beyond the ends of the grid. A node is marked if a path from it can leave
-    /// the grid in the time marched, assuming that each coordinate changes as fast as anywhere on the grid with
-    /// that coordinate, for any inputs and **in either direction**. The relevant paths may leave much later, or
-    /// never, for example beside an end from which everything moves away, so more nodes are marked than depend.
-    /// Where it is False, a larger grid gives the same V.
+    /// Where V may depend on values beyond the ends of the grid.
+    ///
+    /// A node is marked if a path from it can leave the grid within the time marched. This assumes that each
+    /// coordinate changes as fast as anywhere on the grid at that coordinate, for any inputs and **in either
+    /// direction**. The relevant paths may leave much later or never, for example beside an end from which
+    /// everything moves away. So more nodes are marked than depend on outside values. Where the result is
+    /// False, a larger grid gives the same V.
     ///
     /// Parameters
     /// ----------
     /// tau_s : float, optional
-    ///     The time of the march, s; the horizon by default.
+    ///     The time of the march (s); by default the horizon.
     ///
     /// Returns
     /// -------
@@ -235,8 +239,8 @@ impl Solution {
     /// Raises
     /// ------
     /// ValueError
-    ///     For a time not between 0 and the horizon, and for a file of an earlier version, which lacks this
-    ///     information.
+    ///     If the time is not between 0 and the horizon, or for a file of an earlier version, which lacks
+    ///     this information.
     #[pyo3(signature = (*, tau_s=None))]
     fn depends_on_outside<'py>(
         &self,
@@ -247,25 +251,25 @@ impl Solution {
         Ok(shaped(py, marked, &self.grid.nodes())?)
     }
 
-    /// Writes the values to an .npz file, which `load`, `numpy.load` and the Rust library read. The file does
-    /// not contain the game; `pickle` does.
+    /// Writes V to an .npz file, which `load`, `numpy.load` and the Rust library can read. The file does not
+    /// contain the game. `pickle` also stores the game.
     fn save(&self, py: Python<'_>, path: PathBuf) -> Result<(), Error> {
         py.detach(|| write(&path, &self.solved.npz()?))
     }
 
-    /// Reads a file that `save` wrote.
+    /// Reads a solution from a file that `save` wrote.
     ///
     /// Raises
     /// ------
     /// ValueError
     ///     If the file is not a solution in single precision, is truncated, damaged or larger than 4 GiB, has
-    ///     another format version, or `tau` or an axis does not match `meta`.
+    ///     another format version, or has a `tau` or an axis that does not match `meta`.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> Result<Self, Error> {
         py.detach(|| {
             let bytes = read(&path)?;
             let mut answer = loaded::<1>(&bytes);
-            // The number of axes is in the file.
+            // The number of axes is known only from the file, so try each.
             for next in [loaded::<2>, loaded::<3>, loaded::<4>] {
                 if !answer.as_ref().is_err_and(|invalid| invalid.field == "meta.axes") {
                     break;
@@ -276,7 +280,7 @@ impl Solution {
         })
     }
 
-    /// Creates a solution from the bytes of a file, with the game as its arrays.
+    /// Creates a solution from the bytes of a file and, if given, the arrays of its game.
     #[staticmethod]
     #[pyo3(name = "_of")]
     fn of(py: Python<'_>, bytes: Cow<'_, [u8]>, game: Option<GameArrays>) -> Result<Self, Error> {
@@ -298,7 +302,7 @@ impl Solution {
         Ok((slf.get_type().getattr("_of")?, (bytes, solved.game())))
     }
 
-    /// Whether the values and nodes are the same, and the game, if both have one.
+    /// Whether the values and the nodes are the same and, if both have a game, the games as well.
     fn __eq__(&self, other: &Self) -> Result<bool, Error> {
         let same = self.grid == other.grid && self.solved.march() == other.solved.march();
         let games = self.solved.game().zip(other.solved.game());
@@ -339,7 +343,7 @@ impl Solution {
 /// The bytes of a file, and the game.
 type Kept<'py> = (Bound<'py, PyBytes>, Option<GameArrays>);
 
-/// A game as arrays: the ranges of u and of d, and the rates at the nodes, row-major.
+/// A game as arrays: the ranges of u, the ranges of d, and the rates at the nodes, row-major.
 pub(crate) type GameArrays = (Vec<[f64; 2]>, Vec<[f64; 2]>, Vec<f64>);
 
 fn loaded<const D: usize>(bytes: &[u8]) -> Result<Solution, Invalid> {
@@ -356,7 +360,7 @@ fn decoded<const D: usize>(bytes: &[u8], game: Option<&GameArrays>) -> Result<So
     Ok(Solution { grid, solved: Box::new(OnGrid { solution, game }) })
 }
 
-/// Looks up the word of an entry.
+/// The word for an entry of a table.
 fn word<T: PartialEq + Copy>(table: &[(&'static str, T, &str)], entry: T) -> &'static str {
     table.iter().find(|(_, other, _)| *other == entry).map_or("", |(word, ..)| word)
 }
@@ -365,49 +369,49 @@ pub(crate) const KINDS: &[(&str, Kind, &str)] = &[("tube", Kind::Tube, ""), ("se
 pub(crate) const DIRECTIONS: &[(&str, Direction, &str)] =
     &[("backward", Direction::Backward, ""), ("forward", Direction::Forward, "")];
 
-/// A solution of any dimension.
+/// A solution in any number of dimensions.
 pub(crate) trait Solved: Send + Sync {
     fn times_s(&self) -> Vec<f64>;
     fn values(&self) -> Vec<f32>;
-    /// Direction, kind, steps and the largest change of V per second at the end.
+    /// Direction, kind, number of steps, and largest change of V per second at the end.
     fn march(&self) -> (Direction, Kind, usize, f64);
     fn npz(&self) -> Result<Vec<u8>, Invalid>;
     /// The game, if it is known.
     fn game(&self) -> Option<GameArrays>;
-    /// V or its gradient (D numbers) at states, row by row.
+    /// V or its gradient (D numbers) at the given states, row by row.
     fn samples(&self, py: Python<'_>, asked: &Asked, gradient: bool) -> Result<Vec<f64>, Error>;
-    /// When states first belong to the tube, s.
+    /// The time (s) at which each state first belongs to the tube.
     fn first_times(&self, py: Python<'_>, asked: &Asked) -> Result<Vec<f64>, Error>;
-    /// Nodes that depend on values beyond the grid, at this time or at the horizon.
+    /// Which nodes depend on values beyond the grid, at this time or, by default, at the horizon.
     fn depends_on_outside(&self, tau_s: Option<f64>) -> Result<Vec<bool>, Invalid>;
     fn shallow(&self) -> Option<ShallowObstacle>;
-    /// The optimal inputs u and d at states, and the number of inputs of each.
+    /// The optimal inputs u and d at the given states, and the number of inputs of each player.
     fn inputs(&self, py: Python<'_>, asked: &Asked) -> Result<OptimalInputs, Error>;
 }
 
-/// Time at which a solution is evaluated.
+/// The time at which a solution is evaluated.
 #[derive(Clone, Copy)]
 pub(crate) enum Instant {
     /// At the end of the march.
     End,
-    /// This time after the start of the march, s.
+    /// This time (s) after the start of the march.
     At(f64),
     /// At the first stored instant at which a state belongs to the tube.
     First,
 }
 
-/// Points at which a solution is evaluated.
+/// The states at which a solution is evaluated.
 pub(crate) struct Asked {
     /// The shape of the states without their last axis.
     shape: Vec<usize>,
     states: Vec<f64>,
     instant: Instant,
-    /// Whether states outside the grid raise an error; otherwise they have NaN.
+    /// Whether states outside the grid raise an error. Otherwise they give NaN.
     is_refused: bool,
     threads: usize,
 }
 
-/// The optimal inputs of both players, row by row, with the length of a row.
+/// The optimal inputs of both players, row by row, each with the length of a row.
 pub(crate) type OptimalInputs = [(Vec<f64>, usize); 2];
 
 pub(crate) struct OnGrid<const D: usize> {
@@ -431,7 +435,8 @@ impl<const D: usize> OnGrid<D> {
         }
     }
 
-    /// One result for each state; `outside` for a state outside the grid, unless that raises an error.
+    /// Computes one result for each state. The result for a state outside the grid is `outside`, unless such
+    /// a state raises an error.
     fn each<T: Send + Sync + Clone>(
         &self,
         py: Python<'_>,
@@ -446,7 +451,8 @@ impl<const D: usize> OnGrid<D> {
                     continue;
                 }
                 *found = of(state).map_err(|mut invalid| {
-                    // The library names a coordinate of one state; the array has many states.
+                    // The library's error names a coordinate of one state. Name the entry of the array
+                    // instead.
                     let coordinate = invalid.field.strip_prefix("state[");
                     let d = coordinate.and_then(|of| of.strip_suffix(']')?.parse::<usize>().ok());
                     if let Some(d) = d {

@@ -1,4 +1,4 @@
-//! Driven trajectories, recorded or simulated.
+//! Trajectories of the human and the robot, recorded or simulated.
 
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
@@ -10,14 +10,15 @@ use crate::arrays::{Array, count, joint_states, list, states_array};
 use crate::error::Error;
 use crate::scalars::{seed, whole};
 
-/// A person's drive: joint states, and the human's turn rates between them.
+/// A trajectory that a person drove: joint states, and the human's turn rates between them.
 ///
 /// Parameters
 /// ----------
 /// states : array of float64, shape (T + 1, 2, 3), T ≥ 1
-///     The poses (x, y, ψ) of the human and of the robot before each step and after the last, world frame, m, m, rad.
+///     The poses (x, y, ψ) of the human and of the robot before each step and after the last, in the world
+///     frame (m, m, rad).
 /// turn_rates : array of float64, shape (T,)
-///     The human's turn rate in each step, rad/s, left positive.
+///     The human's turn rate in each step (rad/s, left positive).
 #[pyclass(frozen, eq, from_py_object, module = "sidestep")]
 #[derive(Clone, PartialEq)]
 pub(crate) struct Trajectory(pub(crate) window::Trajectory);
@@ -30,7 +31,7 @@ impl Trajectory {
         Ok(Self(window::Trajectory::new(states, list("turn_rates", turn_rates)?)?))
     }
 
-    /// Number of steps, T.
+    /// The number of steps T.
     #[getter]
     fn steps(&self) -> usize {
         self.0.steps()
@@ -42,7 +43,7 @@ impl Trajectory {
         states_array(py, self.0.states())
     }
 
-    /// The human's turn rate in each step, rad/s, left positive, shape (T,).
+    /// The human's turn rate in each step (rad/s, left positive), shape (T,).
     #[getter]
     fn turn_rates<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.0.turn_rates().to_vec().into_pyarray(py)
@@ -66,16 +67,16 @@ impl Trajectory {
 
 /// Trials of synthetic participants in scenes of the paper's study, for testing programs.
 ///
-/// They follow published models of pedestrians. Results on these drives say nothing about people.
+/// The participants follow published models of pedestrians. Results on these trials say nothing about people.
 ///
 /// Parameters
 /// ----------
 /// participants : int
 ///     Number of participants, ≥ 1.
 /// tasks : int
-///     Number of trials of each, ≥ 1, with 50 steps of 0.2 s.
+///     Number of trials of each participant, ≥ 1. A trial has 50 steps of 0.2 s.
 /// seed : int
-///     Seed of the population, ≥ 0.
+///     Seed for the population, ≥ 0.
 ///
 /// Returns
 /// -------

@@ -1,4 +1,4 @@
-//! The value of a game at many states.
+//! The value function of a game at many states.
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,29 +16,32 @@ use crate::interrupt::Watch;
 use crate::scalars::some_whole;
 use crate::vehicles::PursuitGame;
 
-/// V, its gradient, both optimal turns, and whether the state is inside the solved grid.
+/// V, its gradient, the optimal turn rates of both players, and whether the state is inside the solved grid.
 pub(crate) type States<'py> = (Array<'py>, Array<'py>, Array<'py>, Bound<'py, PyArrayDyn<bool>>);
 
-/// V at many states, by the closed form of a game of two identical vehicles.
+/// V at many states, by the closed form for a game of two identical vehicles.
 ///
 /// Parameters
 /// ----------
 /// states : array of float64, shape (…, 3)
-///     The pursuer's poses (x, y, ψ) in the evader's frame: x ahead, y to the left, m; ψ rad, any real number.
+///     The pursuer's poses (x, y, ψ) in the evader's frame (m, m, rad): x ahead, y to the left. ψ may be any
+///     real number.
 /// game : PursuitGame
-///     With identical vehicles; others need `solve`.
+///     A game with identical vehicles. Other games need `solve`.
 /// threads : int, optional
 ///     Maximum number of threads; by default the number of processors.
 ///
 /// Returns
 /// -------
 /// array of float64, shape (…,)
-///     V, m: the least distance under optimal play, less the radius. At ≤ 0 the pursuer can force a collision.
+///     V (m): the minimum distance under optimal play, less the radius. If V ≤ 0, the pursuer can force a
+///     collision.
 ///
 /// Raises
 /// ------
 /// ValueError
-///     If the vehicles differ, or `states` has another shape or dtype or a number that is not finite.
+///     If the vehicles differ, or if `states` has another shape or dtype or contains a number that is not
+///     finite.
 #[pyfunction]
 #[pyo3(signature = (states, game, *, threads=None))]
 pub(crate) fn value<'py>(
@@ -49,28 +52,29 @@ pub(crate) fn value<'py>(
     value_of(states, &closed_form(game)?, threads)
 }
 
-/// V, its gradient and the optimal turns at many states, by the closed form of a game of two identical vehicles.
+/// V, its gradient and the optimal turns at many states, by the closed form for a game of two identical
+/// vehicles.
 ///
 /// Parameters
 /// ----------
 /// states : array of float64, shape (…, 3)
 ///     As for `value`.
 /// game : PursuitGame
-///     With identical vehicles; others need `solve`.
+///     A game with identical vehicles. Other games need `solve`.
 /// threads : int, optional
 ///     Maximum number of threads; by default the number of processors.
 ///
 /// Returns
 /// -------
 /// value : array of float64, shape (…,)
-///     V, m.
+///     V (m).
 /// gradient : array of float64, shape (…, 3)
-///     (∂V/∂x, ∂V/∂y, ∂V/∂ψ), m/m, m/m, m/rad; one-sided where V has a kink.
+///     (∂V/∂x, ∂V/∂y, ∂V/∂ψ) in m/m, m/m and m/rad; one-sided where V has a kink.
 /// turns : array of float64, shape (…, 2)
-///     Optimal turn rates of the evader and of the pursuer, rad/s, left positive. Where V does not depend on a
-///     turn, it is 0 or either extreme of the vehicle.
+///     Optimal turn rates of the evader and of the pursuer (rad/s, left positive). Where V does not depend on
+///     a turn rate, it is 0 or either extreme of the vehicle.
 /// inside : array of bool, shape (…,)
-///     Whether the state is inside the solved grid; always true for the closed form.
+///     Whether the state is inside the solved grid. Always true for the closed form.
 ///
 /// Raises
 /// ------
@@ -86,17 +90,17 @@ pub(crate) fn state<'py>(
     state_of(states, &closed_form(game)?, threads)
 }
 
-/// The pursuer's poses in the evader's frame: the states of a game.
+/// The pursuer's poses in the evader's frame, which are the states of a game.
 ///
 /// Parameters
 /// ----------
 /// evader, pursuer : array of float64, shape (…, 3), of the same shape
-///     Poses (x, y, ψ), world frame, m, m, rad.
+///     Poses (x, y, ψ) in the world frame (m, m, rad).
 ///
 /// Returns
 /// -------
 /// array of float64, shape (…, 3)
-///     x ahead, y to the left, m; ψ in (−π, π], rad.
+///     x ahead and y to the left (m), and ψ in (−π, π] (rad).
 #[pyfunction]
 #[pyo3(signature = (evader, pursuer))]
 pub(crate) fn relative_state<'py>(
@@ -151,7 +155,7 @@ pub(crate) fn value_of<'py>(
     Ok(shaped(py, values, &states.shape)?)
 }
 
-/// The full result of `function` at states of shape (…, 3).
+/// V, gradient, optimal turns and `inside` of `function` at states of shape (…, 3).
 pub(crate) fn state_of<'py>(
     states: &Bound<'py, PyAny>,
     function: &ValueFunction,
@@ -185,15 +189,15 @@ pub(crate) fn checked(threads: Option<i64>) -> Result<usize, Error> {
     threads.map_or_else(|| Ok(default_threads()), |threads| count("threads", 1, threads))
 }
 
-/// With fewer states another thread does not pay off: computing them takes less time than starting it.
+/// Minimum number of states per thread. Computing fewer states takes less time than starting a thread.
 const STATES_OF_A_THREAD: usize = 4096;
 
-/// Number of states that a thread takes at a time.
+/// Number of states in each part that a thread takes.
 const STATES_AT_ONCE: usize = 1024;
 
-/// One result for each state, initially `unseen`. `work` gets the index of its first state, states, and their
-/// results to fill in. It runs on at most `threads` threads, while the interpreter is released. Ctrl-C cancels
-/// it.
+/// Computes one result for each state, initially `unseen`. `work` gets the index of its first state, the
+/// states, and their results to fill in. It runs on at most `threads` threads, while the interpreter is
+/// released. Ctrl-C cancels the computation.
 pub(crate) fn in_parts<S: Sync, T: Send + Clone>(
     py: Python<'_>,
     states: &[S],
@@ -215,7 +219,8 @@ pub(crate) fn in_parts<S: Sync, T: Send + Clone>(
             };
             if let Err(invalid) = work(i * STATES_AT_ONCE, states, found) {
                 ended.store(true, Ordering::Relaxed);
-                // Earlier parts were taken before, so the first error of all is among those reported.
+                // Parts are taken in order, so every earlier part is complete or in progress. The first error
+                // of all is thus among the reported ones.
                 let mut first = first.lock().unwrap_or_else(PoisonError::into_inner);
                 if first.as_ref().is_none_or(|(other, _)| i < *other) {
                     *first = Some((i, invalid));

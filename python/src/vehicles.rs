@@ -1,4 +1,4 @@
-//! The vehicles, the game that two of them play, and the parameters of a scene.
+//! Vehicles, the pursuit game of two vehicles, and the parameters of a scene.
 
 use pyo3::prelude::*;
 use sidestep::reachability;
@@ -9,19 +9,19 @@ use crate::arrays::count;
 use crate::error::Error;
 use crate::scalars::{real, whole};
 
-/// A Dubins car: constant speed, bounded turn rate.
+/// A Dubins car, with constant speed and bounded turn rate.
 ///
 /// Parameters
 /// ----------
 /// speed_mps : float
-///     Speed v > 0, m/s.
+///     Speed v (m/s), > 0.
 /// turn_rate_radps : float
-///     Largest turn rate ω > 0, rad/s, to either side.
+///     Maximum turn rate ω (rad/s), > 0, to either side.
 #[pyclass(frozen, eq, hash, from_py_object, module = "sidestep")]
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct VehicleModel(pub(crate) vehicle::VehicleModel);
 
-/// Equal numbers have equal bits here, because they are finite and > 0.
+/// Hashes the bits. Equal numbers have equal bits here, because they are finite and > 0.
 impl std::hash::Hash for VehicleModel {
     fn hash<H: std::hash::Hasher>(&self, state: &mut H) {
         (self.0.speed_mps.to_bits(), self.0.turn_rate_radps.to_bits()).hash(state);
@@ -40,13 +40,13 @@ impl VehicleModel {
         Ok(Self(model))
     }
 
-    /// Speed v, m/s.
+    /// Speed v (m/s).
     #[getter]
     fn speed_mps(&self) -> f64 {
         self.0.speed_mps
     }
 
-    /// Largest turn rate ω, rad/s.
+    /// Maximum turn rate ω (rad/s).
     #[getter]
     fn turn_rate_radps(&self) -> f64 {
         self.0.turn_rate_radps
@@ -62,17 +62,17 @@ impl VehicleModel {
     }
 }
 
-/// An evader, a pursuer, and the range at which the evader is caught.
+/// A pursuit game: an evader, a pursuer, and the range at which the evader is caught.
 ///
-/// The evader maximises the least distance, the pursuer minimises it. States are the pursuer's pose (x, y, ψ) in
-/// the evader's frame: x ahead, y to the left, m; ψ is the pursuer's heading relative to the evader's, rad
-/// counter-clockwise.
+/// The evader maximises the minimum distance, and the pursuer minimises it. A state is the pursuer's pose (x,
+/// y, ψ) in the evader's frame: x ahead and y to the left (m), and the pursuer's heading ψ relative to the
+/// evader's (rad, counter-clockwise).
 ///
 /// Parameters
 /// ----------
 /// evader, pursuer : VehicleModel
 /// radius_m : float
-///     Danger radius R > 0, m.
+///     Danger radius R (m), > 0.
 #[pyclass(frozen, eq, hash, from_py_object, module = "sidestep")]
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct PursuitGame(pub(crate) reachability::PursuitGame);
@@ -108,13 +108,13 @@ impl PursuitGame {
         VehicleModel(self.0.pursuer)
     }
 
-    /// Danger radius R, m.
+    /// Danger radius R (m).
     #[getter]
     fn radius_m(&self) -> f64 {
         self.0.radius_m
     }
 
-    /// Whether both vehicles have the same speed and turn rate, so that there is a closed form.
+    /// Whether both vehicles have the same speed and turn rate, so that V has a closed form.
     #[getter]
     fn identical(&self) -> bool {
         self.0.identical()
@@ -135,11 +135,11 @@ impl PursuitGame {
 /// Parameters
 /// ----------
 /// human, robot : VehicleModel, optional
-///     Default: 2 m/s, 0.5 rad/s.
+///     By default 2 m/s and 0.5 rad/s.
 /// danger_radius_m : float
-///     R_c > 0, m.
+///     Danger radius R_c (m), > 0.
 /// step_s : float
-///     Length of a step > 0, s.
+///     Length of a step (s), > 0.
 /// steps : int
 ///     Number of steps of a trial, 1 to 3000. Predictions do not depend on it.
 #[pyclass(frozen, eq, from_py_object, module = "sidestep")]
@@ -172,19 +172,19 @@ impl SceneParameters {
         VehicleModel(self.0.human)
     }
 
-    /// The robot.
+    /// The vehicle of the robot.
     #[getter]
     fn robot(&self) -> VehicleModel {
         VehicleModel(self.0.robot)
     }
 
-    /// Danger radius R_c, m.
+    /// Danger radius R_c (m).
     #[getter]
     fn danger_radius_m(&self) -> f64 {
         self.0.danger_radius_m
     }
 
-    /// Length of a step, s.
+    /// Length of a step (s).
     #[getter]
     fn step_s(&self) -> f64 {
         self.0.step_s

@@ -1,5 +1,5 @@
-//! The only part that touches the browser: it delivers messages to a page, executes the page's
-//! commands, and shows its view and picture.
+//! The only module that uses the browser's API. It delivers messages to a page, executes the page's
+//! commands, and shows its view and its picture.
 
 mod address;
 mod canvas;
@@ -48,8 +48,8 @@ pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
     background(async move {
         let (storage, kept) = match P::keeps() {
             true => Storage::open(&window).await,
-            // Opening the browser's database takes longer than everything else that a page waits
-            // for.
+            // Do not open the browser's database, because that takes longer than everything else
+            // that a page waits for.
             false => (Storage::none(&window), Vec::new()),
         };
         let context = PageContext { kept, not_kept: storage.failure(), ..context(&window) };
@@ -91,14 +91,14 @@ pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
     });
 }
 
-/// Spawns a future that runs while the browser does other things.
+/// Runs a future in the background.
 fn background(work: impl Future<Output = ()> + 'static) {
-    // One boxed type for all futures, so that the program contains the executor code only once.
+    // Box all futures as one type, so that the program contains the executor code only once.
     let work: Pin<Box<dyn Future<Output = ()>>> = Box::pin(work);
     wasm_bindgen_futures::spawn_local(work);
 }
 
-/// Loads the program that operates the page, if the address asks for it.
+/// Loads the simulator, which operates the page, if the address asks for a simulated participation.
 fn load_simulator<P: Page>(shell: &Shell<P>) {
     let address = shell.root.get_attribute("data-simulator");
     let Some(address) = address.filter(|_| shell.clock.is_simulated()) else { return };
@@ -117,7 +117,8 @@ fn place() -> Option<(Window, Document, HtmlElement)> {
     Some((window, document, root))
 }
 
-/// After a panic only the document can be trusted, so the message is written there directly.
+/// Shows a message after a panic. Only the document can be trusted then, so the message is written
+/// there directly.
 fn show_crash() {
     if let Some((_, _, root)) = place() {
         root.set_text_content(Some(
@@ -136,7 +137,7 @@ fn context(window: &Window) -> PageContext {
     PageContext {
         address: address::current(window),
         languages: languages.iter().filter_map(|language| language.as_string()).collect(),
-        // A device without any pointer has a keyboard.
+        // A device without any pointer counts as one with a keyboard.
         touch_only: matches(window, "(any-pointer: coarse)")
             && !matches(window, "(any-pointer: fine), (any-hover: hover)"),
         reduced_motion: matches(window, "(prefers-reduced-motion: reduce)"),
@@ -153,7 +154,7 @@ fn context(window: &Window) -> PageContext {
     }
 }
 
-/// Calls a method that the browser may refuse. The page sees only its effects.
+/// Calls a method that the browser may refuse to execute. The page is not told whether it succeeds.
 fn wish(object: &JsValue, method: &str) {
     let method = Reflect::get(object, &method.into()).unwrap_or_default();
     let promise = method.dyn_ref::<Function>().and_then(|method| method.call0(object).ok());
@@ -164,12 +165,13 @@ fn wish(object: &JsValue, method: &str) {
     }
 }
 
-/// Whether a media query holds.
+/// Whether a media query matches.
 fn matches(window: &Window, query: &str) -> bool {
     window.match_media(query).ok().flatten().is_some_and(|query| query.matches())
 }
 
-/// Width and height inside the window, CSS pixels, and device pixels per CSS pixel.
+/// The width and height of the window's content (CSS pixels), and the number of device pixels per
+/// CSS pixel.
 fn window_size(window: &Window) -> (f64, f64, f64) {
     let number =
         |value: Result<JsValue, JsValue>| value.ok().and_then(|v| v.as_f64()).unwrap_or(0.0);
@@ -194,15 +196,16 @@ struct Shell<P: Page> {
     painter: canvas::Painter,
     /// The last picture painted.
     picture: Picture,
-    /// See [`Extra`]; created on demand. Pages without solids and panes contain none of its code.
+    /// See [`Extra`]. Created on demand, so pages without solids and panes contain none of its
+    /// code.
     extra: Option<Box<dyn Any>>,
     /// The document's title.
     title: String,
     frame_requested: bool,
-    /// Whether a frame is in progress, which will paint the picture at its end.
+    /// Whether a frame is in progress. At its end the picture is painted.
     in_frame: bool,
     on_frame: Option<Closure<dyn FnMut(f64)>>,
-    /// Time of the page's next tick on its clock, and the browser's timer for it.
+    /// When the page's next tick is due on the page's clock, and the browser's timer for it.
     alarm: Option<(f64, i32)>,
     on_alarm: Option<Closure<dyn FnMut()>>,
     on_resize: Option<canvas::SizeWatcher>,
@@ -211,7 +214,7 @@ struct Shell<P: Page> {
     down: Vec<String>,
     /// Whether the last input was by pointer and not by key.
     has_pointed: bool,
-    /// While present, asks users who leave for confirmation.
+    /// While present, makes the browser ask users for confirmation before they leave.
     guard: Option<listen::Listener>,
     claims: Vec<tabs::Claim>,
     underway: Vec<Underway>,
@@ -229,12 +232,13 @@ struct Extra {
     picture: Picture,
 }
 
-/// A request, timer or solve.
+/// A request, timer, solve or other work in progress.
 struct Underway {
     name: &'static str,
-    /// Distinguishes it from others of the same name: cancelled work may still report.
+    /// Distinguishes this work from other work of the same name, because cancelled work may still
+    /// report.
     number: u32,
-    /// Cancels it when dropped.
+    /// Dropping this value cancels the work.
     _work: Box<dyn Any>,
 }
 
@@ -261,7 +265,7 @@ impl<P: Page> Shell<P> {
         }
     }
 
-    /// Paints the page's picture at this time of its clock.
+    /// Paints the page's picture as of this time on the page's clock.
     fn paint(&mut self, at_ms: f64) {
         if self.page.draw(at_ms, &mut self.picture) {
             self.painter.paint(&self.window, &self.picture);
@@ -281,7 +285,7 @@ impl<P: Page> Shell<P> {
         }
     }
 
-    /// Repaints after a change of size or colours.
+    /// Repaints after the size or the colours have changed.
     fn repaint(&mut self) {
         self.painter.measure_again();
         if P::has_panes()
@@ -292,7 +296,7 @@ impl<P: Page> Shell<P> {
         self.paint(self.clock.now_ms());
     }
 
-    /// Cancels the work of this name and returns the number for its successor.
+    /// Cancels the current work of this name and returns the number for the new work.
     fn begin(&mut self, name: &'static str) -> u32 {
         self.underway.retain(|underway| underway.name != name);
         self.started += 1;
@@ -308,12 +312,12 @@ impl<P: Page> Shell<P> {
     }
 }
 
-/// State that only some pages need, created on first use.
+/// Returns the state that only some pages need, and creates it on first use.
 fn extra(place: &mut Option<Box<dyn Any>>) -> Option<&mut Extra> {
     place.get_or_insert_with(|| Box::new(Extra::default())).downcast_mut()
 }
 
-/// Messages and the times of their causes, on the page's clock.
+/// Messages in order of arrival. Each has the time of its cause on the page's clock.
 type Queue<M> = RefCell<VecDeque<(M, f64)>>;
 
 /// Processes messages one at a time, in order of arrival.
@@ -334,7 +338,7 @@ impl<P: Page> Clone for Pump<P> {
 }
 
 impl<P: Page + 'static> Pump<P> {
-    /// Delivers a message to the page now, or after those in the queue.
+    /// Delivers a message to the page, now or after the messages in the queue.
     fn dispatch(&self, message: P::Msg, t_ms: f64) {
         self.queue.borrow_mut().push_back((message, t_ms));
         if !self.busy.replace(true) {
@@ -348,13 +352,13 @@ impl<P: Page + 'static> Pump<P> {
         self.dispatch(message, now_ms);
     }
 
-    /// Reports an event that happened at `stamp` on the browser's clock.
+    /// Reports an event to the page. `stamp` is its time on the browser's clock.
     fn tell(&self, event: &Event, stamp: f64) {
         let t_ms = self.shell.borrow().clock.of(stamp);
         self.report(event, t_ms);
     }
 
-    /// Reports an event at `t_ms` on the page's clock, if the page wants it.
+    /// Reports an event to the page if the page wants it. `t_ms` is its time on the page's clock.
     fn report(&self, event: &Event, t_ms: f64) {
         let message = self.shell.borrow().page.hear(event);
         if let Some(message) = message {
@@ -362,7 +366,7 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    /// Empties the queue, then shows the result.
+    /// Delivers all messages in the queue, then shows the result.
     fn work(&self) {
         loop {
             let next = self.queue.borrow_mut().pop_front();
@@ -379,7 +383,8 @@ impl<P: Page + 'static> Pump<P> {
         self.request_frame();
     }
 
-    /// Draws the page's solid, and notifies the page if the browser cannot draw it, or can again.
+    /// Draws the page's solid. Notifies the page when the browser cannot draw it, or can draw it
+    /// again.
     fn show_solid(&self) {
         let mut shell = self.shell.borrow_mut();
         let Some(solid) = shell.page.solid() else { return };
@@ -426,7 +431,7 @@ impl<P: Page + 'static> Pump<P> {
                     shell.clock.browser_ms(after_ms),
                 );
             }
-            // Compiled out for pages that do not solve.
+            // This arm removes the code below from pages that never solve.
             Command::Solve { .. } if !P::solves() => {}
             Command::Solve { name, task, then } => {
                 let number = shell.begin(name);
@@ -495,8 +500,8 @@ impl<P: Page + 'static> Pump<P> {
                 shell.underway.push(Underway { name, number, _work });
             }
             Command::Cancel(name) => shell.underway.retain(|underway| underway.name != name),
-            // A user who leaves while a film is recorded wants the film so far: it is offered once
-            // it has ended.
+            // If a user leaves while a film is being recorded, the film so far is still wanted. End
+            // the recording; the film is then offered for download.
             Command::CancelAll if P::offers_files() => {
                 shell.underway.retain(|underway| {
                     underway._work.downcast_ref::<film::Film>().map(film::Film::end).is_some()
@@ -555,7 +560,7 @@ impl<P: Page + 'static> Pump<P> {
                             files::offer_blob(&document, &file, &film)
                                 .map_err(|_| "The browser did not accept the film.".to_owned())
                         });
-                        // The film is dropped only after its listener, which calls this, has
+                        // Drop the film only after this listener, which belongs to it, has
                         // returned.
                         let (pump, then) = (pump.clone(), Rc::clone(&then_ended));
                         background(async move { pump.finish(number, || then(offered)) });
@@ -590,7 +595,7 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    /// Completes a request, timer or solve with a message, unless it was cancelled.
+    /// Completes a request, timer or solve: delivers its message, unless the work was cancelled.
     fn finish(&self, number: u32, message: impl FnOnce() -> P::Msg) {
         {
             let mut shell = self.shell.borrow_mut();
@@ -602,7 +607,8 @@ impl<P: Page + 'static> Pump<P> {
         self.dispatch_now(message());
     }
 
-    /// Goes to an address of this page without loading it. Returns whether the page shows it.
+    /// Navigates to an address within this page, without loading it. Returns whether the page can
+    /// show the address.
     fn visit(&self, url: &str, t_ms: f64) -> bool {
         if !P::navigates() {
             return false;
@@ -620,7 +626,7 @@ impl<P: Page + 'static> Pump<P> {
         true
     }
 
-    /// Requests a frame if the page wants one.
+    /// Requests an animation frame if the page wants one.
     fn request_frame(&self) {
         let mut shell = self.shell.borrow_mut();
         if shell.frame_requested || !shell.page.wants_frames() {
@@ -636,7 +642,8 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    /// Handles a frame that began at `stamp` on the browser's clock and is about to be shown.
+    /// Handles an animation frame. `stamp` is the time on the browser's clock at which the frame
+    /// began.
     fn frame(&self, stamp: f64) {
         let (begun_ms, at_ms) = {
             let mut shell = self.shell.borrow_mut();
@@ -656,7 +663,7 @@ impl<P: Page + 'static> Pump<P> {
         self.request_frame();
     }
 
-    /// Lets the page compute what follows from the clock.
+    /// Lets the page compute what is due at this time.
     fn tick(&self, now_ms: f64) {
         let message = self.shell.borrow_mut().page.tick(now_ms);
         match message {
@@ -689,7 +696,8 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    /// Handles the browser's timer, which may fire early by the resolution of its clock.
+    /// Handles the browser's timer, which may fire slightly early because its clock has a limited
+    /// resolution.
     fn ring(&self) {
         let now_ms = {
             let mut shell = self.shell.borrow_mut();
@@ -697,7 +705,7 @@ impl<P: Page + 'static> Pump<P> {
             shell.clock.now_ms()
         };
         self.tick(now_ms);
-        // An accelerated clock has more steps than frames; the simulator must see each step.
+        // An accelerated clock has more steps than frames, but the simulator must see every step.
         let mut shell = self.shell.borrow_mut();
         if shell.clock.is_hurried() {
             shell.paint(now_ms);

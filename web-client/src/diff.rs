@@ -1,34 +1,34 @@
-//! Edits that turn the old view into the new one, as plain data.
+//! Computes the edits that turn an old view into a new one, as plain data.
 //!
-//! Siblings are matched by tag and identity ([`Node::identity`]), or in order without one. A
-//! matched element stays in the document, and so keeps its focus, selection, scroll position and
-//! input.
+//! Siblings are matched by tag and identity ([`Node::identity`]); siblings without an identity are
+//! matched in order. A matched element stays in the document and so keeps its focus, selection,
+//! scroll position and input.
 
 use crate::view::{Child, Node};
 
-/// Changes to an element that stays.
+/// Changes to an element that stays in the document.
 pub struct Patch<'a, M> {
     /// Attributes to set, or to remove if the value is `None`.
     pub attributes: Vec<(&'static str, Option<&'a str>)>,
-    /// Changes to its children, in order.
+    /// Changes to the element's children, in order.
     pub children: Vec<Edit<'a, M>>,
 }
 
-/// A change to an element's children. Indices are those at the time of the edit.
+/// A change to an element's children. Indices refer to the children at the time of the edit.
 pub enum Edit<'a, M> {
     /// Removes the child at this index.
     Remove(usize),
     /// Inserts a new child at this index.
     Insert(usize, &'a Child<M>),
-    /// Moves the child at the first index to the second, smaller one.
+    /// Moves the child at the first index to the second index, which is smaller.
     Move(usize, usize),
-    /// Replaces the text at this index by that of the child.
+    /// Replaces the text at this index by the text of this child.
     Text(usize, &'a Child<M>),
     /// Changes the element at this index.
     Patch(usize, Patch<'a, M>),
 }
 
-/// The edits that turn `old` into `new`.
+/// Computes the edits that turn `old` into `new`.
 #[must_use]
 pub fn children<'a, M>(old: &[Child<M>], new: &'a [Child<M>]) -> Vec<Edit<'a, M>> {
     let mut edits = Vec::new();
@@ -49,7 +49,7 @@ pub fn children<'a, M>(old: &[Child<M>], new: &'a [Child<M>]) -> Vec<Edit<'a, M>
             continue;
         };
         if present[place] != source {
-            // Indices before `place` are final, so the child is behind it.
+            // The children before `place` are final, so the wanted child is at or after it.
             let from = place + present[place..].iter().take_while(|&&at| at != source).count();
             edits.push(Edit::Move(from, place));
             present.remove(from);
@@ -79,12 +79,12 @@ fn node<'a, M>(old: &Node<M>, new: &'a Node<M>) -> Patch<'a, M> {
     Patch { attributes, children: children(&old.children, &new.children) }
 }
 
-/// For each new child, the index of the old one that it continues.
+/// For each new child, the index of the old child that it continues, if any.
 fn matched<M>(old: &[Child<M>], new: &[Child<M>]) -> Vec<Option<usize>> {
     let mut free = vec![true; old.len()];
     let mut expected = 0;
     let continued = new.iter().map(|child| {
-        // Usually the next one, so the search starts there.
+        // Usually the next old child matches, so the search starts there.
         let mut places = (expected..old.len()).chain(0..expected);
         let place = places.find(|&place| free[place] && continues(&old[place], child))?;
         free[place] = false;
@@ -112,7 +112,7 @@ mod tests {
 
     type View = Vec<Child<()>>;
 
-    /// An object of a document.
+    /// An object in the model of a document.
     #[derive(Clone, Debug, PartialEq)]
     struct Object {
         /// Unique number.
@@ -127,7 +127,7 @@ mod tests {
     struct Document {
         shown: View,
         objects: Vec<Object>,
-        /// Counts of objects created and of edits applied.
+        /// The number of objects created and the number of edits applied.
         made: usize,
         edits: usize,
     }
@@ -171,8 +171,8 @@ mod tests {
             }
         }
 
-        /// Updates the document to a view and checks the result. Returns the numbers of its
-        /// objects, and the number of edits.
+        /// Updates the document to a view and checks the result. Returns the numbers of the
+        /// document's objects, and the number of edits.
         fn show(&mut self, view: View) -> (Vec<usize>, usize) {
             self.edits = 0;
             let mut objects = std::mem::take(&mut self.objects);
@@ -209,7 +209,7 @@ mod tests {
         let (second, _) = document.show(rows(&["d", "a", "x", "c"]));
         assert_eq!([second[0], second[1], second[3]], [first[3], first[0], first[2]]);
         assert!(!first.contains(&second[2]));
-        // Inserting and removing rows ahead of others leaves those alone.
+        // Inserting and removing rows before others does not edit the others.
         let (third, edits) = document.show(rows(&["new", "d", "a", "x", "c"]));
         assert_eq!((&third[1..], edits), (&second[..], 1));
         assert_eq!(document.show(rows(&["d", "a", "x", "c"])), (second, 1));

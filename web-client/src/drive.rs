@@ -1,4 +1,4 @@
-//! A scene in progress: steps by the clock, smooth motion in between.
+//! A scene in progress: its steps follow the clock, and the motion between them is smooth.
 
 use crate::input::{HeldKeys, KeyMap, input_at};
 use crate::runtime::Event;
@@ -10,17 +10,17 @@ use sidestep::vehicle::TurnInput;
 
 /// A scene between its start and its end.
 ///
-/// Steps follow from the clock and never from the number of frames: step i is due at i · 0.2 s, and
-/// its input follows from the keys, by their own time stamps, at that time. A late call therefore
-/// changes when a step is computed but not its result. A press just before a step may be reported
-/// just after it; it still counts.
+/// Steps follow the clock and never the number of frames. Step i is due i · `step_s` after the
+/// start, and its input follows from the keys at that time, by the time stamps of the key events.
+/// So a late call changes when a step is computed, but not its result. A key press just before a
+/// step may be reported just after the step; it still counts.
 #[derive(Clone, Debug)]
 pub struct Drive {
     parameters: SceneParameters,
     keys: KeyMap,
-    /// Start on the page's clock, ms.
+    /// Start on the page's clock (ms).
     start_ms: f64,
-    /// Start by the participant's clock, ms since 1970.
+    /// Start by the participant's clock (ms since 1970).
     started_at_ms: f64,
     inputs: Vec<TurnInput>,
     states: Vec<JointState>,
@@ -30,7 +30,7 @@ pub struct Drive {
     frames: FrameTimes,
 }
 
-/// Frame intervals and durations of the work in frames, ms.
+/// Frame intervals, and durations of the work in frames (ms).
 #[derive(Clone, Debug, Default)]
 struct FrameTimes {
     last_ms: Option<f64>,
@@ -41,12 +41,12 @@ struct FrameTimes {
 /// A frame interval counts as a dropped frame if it is this many times the median.
 const DROPPED: f64 = 1.5;
 
-/// Frame rate up to which a scene allocates nothing after its start.
+/// A scene allocates nothing after its start if the frame rate is at most this (Hz).
 const USUAL_RATE_HZ: f64 = 250.0;
 
 impl Drive {
-    /// A scene that starts at `start_ms` on the page's clock, which is `started_at_ms` since 1970.
-    /// `held` are the keys that are already down.
+    /// Creates a scene that starts at `start_ms` on the page's clock; that is `started_at_ms` since
+    /// 1970. `held` has the keys that are already down.
     #[must_use]
     pub fn new(
         parameters: SceneParameters,
@@ -80,7 +80,7 @@ impl Drive {
 
     /// Records a key event at `t_ms` on the page's clock.
     pub fn key(&mut self, t_ms: f64, code: &str, down: bool) {
-        // Events are delivered in order; this guards against clocks that go back.
+        // Events are delivered in order. This guards against a clock that goes back.
         let last = self.key_events.last().map_or(f64::NEG_INFINITY, |event| event.t_ms);
         if self.key_events.len() < MAX_KEY_EVENTS {
             let t_ms = (t_ms - self.start_ms).max(last);
@@ -107,7 +107,7 @@ impl Drive {
         }
     }
 
-    /// Recomputes the current step, in case a key event arrived after it.
+    /// Recomputes the current step, because a key event may arrive after the step was computed.
     fn correct(&mut self) {
         let Some(step) = self.inputs.len().checked_sub(1) else { return };
         let due = step as f64 * self.step_ms();
@@ -125,7 +125,7 @@ impl Drive {
         &self.inputs
     }
 
-    /// The state before each step begun, and the one after the last of them.
+    /// The state before each step that has begun, and the state after the last of these steps.
     #[must_use]
     pub fn states(&self) -> &[JointState] {
         &self.states
@@ -135,13 +135,13 @@ impl Drive {
         self.parameters.step_s * 1000.0
     }
 
-    /// Time when the next step is due or the scene is over, on the page's clock, ms.
+    /// The time on the page's clock (ms) at which the next step is due or the scene is over.
     #[must_use]
     pub fn due_ms(&self) -> f64 {
         self.start_ms + self.inputs.len() as f64 * self.step_ms()
     }
 
-    /// Computes every step that is due by `now_ms`; true when the scene is over.
+    /// Computes every step that is due by `now_ms`. Returns whether the scene is over.
     pub fn tick(&mut self, now_ms: f64) -> bool {
         while now_ms >= self.due_ms() {
             let step = self.inputs.len();
@@ -157,8 +157,8 @@ impl Drive {
         false
     }
 
-    /// Poses of both vehicles at `at_ms`, on the arc of the step at that time or, if that is not
-    /// computed yet, at its start.
+    /// Poses of both vehicles at `at_ms`, on the arc of the step at that time. If that step is not
+    /// computed yet, they are at the end of the last computed arc.
     #[must_use]
     pub fn state_at(&self, at_ms: f64) -> JointState {
         let step = self.step_at(at_ms).min(self.inputs.len().saturating_sub(1));
@@ -166,21 +166,21 @@ impl Drive {
             return self.states[0];
         };
         let begun = self.start_ms + step as f64 * self.step_ms();
-        // `clamp` would pull in code that formats both bounds, a tenth of the page's download.
+        // `clamp` would add code that formats both bounds, which is a tenth of the page's download.
         let into = ((at_ms - begun) / 1000.0).max(0.0).min(self.parameters.step_s);
         self.states[step].advance(&self.parameters, input, into)
     }
 
-    /// Time since the start, s.
+    /// Time since the start (s).
     #[must_use]
     pub fn time_s(&self, at_ms: f64) -> f64 {
         (at_ms - self.start_ms).max(0.0) / 1000.0
     }
 
-    /// The step at `at_ms`, from 0; the number of steps when the scene is over.
+    /// The index of the step at `at_ms`, from 0. Equals the number of steps when the scene is over.
     #[must_use]
     pub fn step_at(&self, at_ms: f64) -> usize {
-        // The tolerance keeps the start of a step in that step despite rounding.
+        // The tolerance assigns the start of a step to that step despite rounding errors.
         let step = (at_ms - self.start_ms) / self.step_ms() + 1e-9;
         (step.max(0.0) as usize).min(self.parameters.steps)
     }
@@ -193,8 +193,8 @@ impl Drive {
         self.frames.work_ms.push(work_ms);
     }
 
-    /// The finished scene, ready for upload, in its `exposures`-th showing. `screen` describes the
-    /// display.
+    /// Converts the finished scene to an upload. The scene was shown `exposures` times. `screen`
+    /// describes the display.
     #[must_use]
     pub fn into_upload(self, screen: &[(&'static str, f64)], exposures: u32) -> TrialUpload<f64> {
         let frames = &self.frames;
@@ -221,10 +221,11 @@ impl Drive {
     }
 }
 
-/// Half the side of the part of the world that is always visible, m.
+/// Half the side length of the part of the world that is always visible (m).
 const WINDOW_HALF_M: f64 = 15.0;
 
-/// The same view for every scene, widened only when a vehicle would leave it.
+/// The visible part of the world: a fixed square, widened to include both starts, the goal and the
+/// human's vehicle.
 #[must_use]
 pub fn window(scene: &Scene, state: JointState) -> Window {
     let human = state.human.position();
@@ -232,14 +233,14 @@ pub fn window(scene: &Scene, state: JointState) -> Window {
     fixed.into_iter().fold(Window::square(WINDOW_HALF_M), |window, p| window.including(p, 2.5))
 }
 
-/// Named numbers for the server.
+/// Converts named numbers to an object for the server.
 pub fn facts<'a>(numbers: impl IntoIterator<Item = &'a (&'static str, f64)>) -> Object<f64> {
     numbers.into_iter().map(|&(name, value)| (name.to_owned(), value)).collect()
 }
 
-/// The quantile of `values` at `share`; 0 if there are none.
+/// The quantile of `values` at `share`. 0 if there are no values.
 fn quantile(values: &[f64], share: f64) -> f64 {
-    // For a few hundred values, insertion takes less code than sorting, and so less download.
+    // For a few hundred values, insertion needs less code than sorting, so the download is smaller.
     let mut sorted: Vec<f64> = Vec::with_capacity(values.len());
     for &value in values {
         sorted.insert(sorted.partition_point(|&other| other < value), value);
@@ -269,7 +270,7 @@ mod tests {
         Drive::new(parameters, &scene(), start_ms, 1.7e12, &keys, held)
     }
 
-    /// Drives with frames and keys at the given times.
+    /// Drives a scene with frames and key events at the given times.
     fn drive(frames: impl Iterator<Item = f64>, keys: &[(f64, &str, bool)]) -> TrialUpload<f64> {
         let mut drive = begin(1000.0, &HeldKeys::default());
         let mut keys = keys.iter().peekable();
@@ -304,7 +305,8 @@ mod tests {
             flags(&parameters, &scene(), &trial.inputs, &trial.states, &trial.sampled_at_ms),
             []
         );
-        // Left from 2.05 s (the next step to start: 11), right from 4.21 s to 5.0 s, left to 6.0 s.
+        // Left from 2.05 s (step 11 is the next to start), right from 4.21 s to 5.0 s, left to 6.0
+        // s.
         let signs: Vec<i8> = trial.inputs.iter().map(|input| input.sign()).collect();
         let expected: Vec<i8> = (0..50)
             .map(|step| match step {
@@ -426,7 +428,7 @@ mod tests {
         drive.tick(200.0);
         let (before, after) = (drive.states[1], drive.state_at(200.0));
         assert_eq!(before, after);
-        // A picture of a time before the current step shows that time.
+        // A picture for a time before the current step shows the state at that time.
         assert_eq!(drive.state_at(199.9).human.x, {
             let mut earlier = begin(0.0, &held("KeyA", -50.0));
             earlier.tick(199.9);

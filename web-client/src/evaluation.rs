@@ -1,7 +1,7 @@
-//! Work of an evaluator beside a page: it trains a predictor on one participant's tasks, counts how
-//! often predicted sets contain the future, compares their areas with those of simpler predictions,
-//! and tunes settings. It works in pieces, so that it can receive the next question between two of
-//! them, and it works only on the newest question.
+//! The work of an evaluator, which runs in a worker. It trains a predictor on one participant's
+//! tasks, counts how often predicted sets contain the future, compares their areas with those of
+//! simpler predictions, and tunes settings. It works in pieces, so that it can receive the next
+//! question between two pieces, and it works only on the newest question.
 
 pub mod counting;
 pub mod areas;
@@ -35,9 +35,10 @@ pub enum Part {
     Drives,
     /// The bytes of the value function V_HR.
     Human,
-    /// The bytes of the value function V_RH, after V_HR; without them V_HR serves both vehicles.
+    /// The bytes of the value function V_RH, sent after V_HR. Without them, V_HR serves both
+    /// vehicles.
     Robot,
-    /// A predictor, as in a predictor.json.
+    /// A predictor, in the format of a predictor.json.
     Predictor,
     /// A [`Training`] as JSON.
     Training,
@@ -47,12 +48,12 @@ pub enum Part {
     AreaQuestion,
     /// An [`Aim`](tuning::Aim) as JSON.
     Aim,
-    /// Stops the current work.
+    /// Stops the current work. The content is ignored.
     Stop,
 }
 
 impl Part {
-    /// All parts; their indices stand for them between page and evaluator.
+    /// All parts. Messages between page and evaluator contain the index of a part in this list.
     pub const ALL: [Self; 9] = [
         Self::Drives,
         Self::Human,
@@ -69,7 +70,7 @@ impl Part {
 /// A request to train a predictor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Training {
-    /// Number of its report.
+    /// The number that the report of the training gets.
     pub number: u32,
     /// Names of features.
     pub features: Vec<String>,
@@ -80,23 +81,23 @@ pub struct Training {
 /// A report of an evaluator.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Report {
-    /// The number of the question that it answers.
+    /// The number of the question that this report answers.
     pub number: u32,
     /// Progress; 1 in the last report.
     pub done: f64,
-    /// Reason for the failure, if any.
+    /// The reason for the failure, if the work failed.
     #[serde(default)]
     pub trouble: Option<String>,
     /// The trained predictor.
     #[serde(default)]
     pub predictor: Option<PredictorFile>,
-    /// Why the predictor has only the frequencies of the inputs, if so.
+    /// If the predictor has only the frequencies of the inputs, the reason for that.
     #[serde(default)]
     pub fallback: Option<String>,
     /// Counts so far.
     #[serde(default)]
     pub regions: Option<Regions>,
-    /// Coverage and area so far.
+    /// The coverages and areas so far.
     #[serde(default)]
     pub pareto: Option<Pareto>,
     /// The tuned settings.
@@ -104,7 +105,7 @@ pub struct Report {
     pub found: Option<Found>,
 }
 
-/// Confidence level of all intervals, as in the command line.
+/// Confidence level of all intervals, as in the `sidestep` command.
 pub const CONFIDENCE: f64 = 0.95;
 
 /// State of an evaluator.
@@ -113,7 +114,7 @@ pub struct Evaluation {
     tasks: Option<Tasks>,
     safety: Option<SafetyLevels>,
     predictor: Option<Predictor>,
-    /// Cache of the tasks' windows and of other predictions under this predictor.
+    /// Cache for the tasks' windows under this predictor, and for the simpler predictions.
     memory: Memory,
     known: Known,
     work: Option<Work>,
@@ -129,7 +130,7 @@ enum Work {
 }
 
 impl Work {
-    /// The number that its reports have.
+    /// The number in the reports of this work.
     fn number(&self) -> u32 {
         match self {
             Self::Counting(it) => it.number,
@@ -139,12 +140,12 @@ impl Work {
     }
 }
 
-/// A question with a number, which its reports repeat.
+/// A question with a number. Its reports repeat the number.
 trait Asked {
     fn number(&self) -> u32;
 }
 
-/// A prediction with a trained predictor.
+/// A prediction that uses a trained predictor.
 type Predicted<'a> = Prediction<'a, PredictedHuman<'a>>;
 
 /// The participant's tasks.
@@ -155,7 +156,7 @@ struct Tasks {
 }
 
 impl Evaluation {
-    /// Handles a message of the page.
+    /// Handles a message from the page.
     pub fn hear(&mut self, part: Part, content: &[u8]) {
         let taken = match part {
             Part::Drives => self.take_drives(content),
@@ -222,7 +223,7 @@ impl Evaluation {
         })
     }
 
-    /// News since the last report, as JSON.
+    /// The next report, as JSON, if there is news since the last one.
     pub fn report(&mut self) -> Option<String> {
         let report = self.report.take().or_else(|| match &mut self.work {
             Some(Work::Counting(it)) => it.report(),
@@ -277,7 +278,7 @@ impl Evaluation {
     }
 }
 
-/// The tasks, and the human as the predictor predicts.
+/// The tasks, and the human as the predictor predicts them.
 fn known<'a>(
     tasks: &'a Option<Tasks>,
     predictor: &'a Option<Predictor>,
@@ -291,7 +292,7 @@ fn known<'a>(
     }
 }
 
-/// The page has sent too little, which is a bug of this program.
+/// The error if the page has sent too little, which is a bug of this program.
 fn unknown() -> Invalid {
     Invalid::new("evaluator", "tasks, safety levels and a predictor", "less")
 }

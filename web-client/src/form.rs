@@ -1,11 +1,11 @@
-//! Form input: the values of fields, and of whole forms.
+//! Form input: the values of fields and of whole forms.
 
 /// The value of one field.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FieldValue {
-    /// Text of a text field or text area, or the selected entry of a list or of radio buttons.
+    /// The text of a text field or text area, or the selected option of a list or of radio buttons.
     Text(String),
-    /// A number field or slider; `None` if it holds no number.
+    /// The number in a number field or slider. `None` if the field contains no number.
     Number(Option<f64>),
     /// Whether a check box is ticked.
     Checked(bool),
@@ -16,7 +16,7 @@ pub enum FieldValue {
 /// A pointer action on an element, and its position.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pointing {
-    /// Position from the element's left and top, as shares of its width and height.
+    /// Position relative to the element's left and top edges, as fractions of its width and height.
     pub at: [f32; 2],
     /// The action.
     pub does: Does,
@@ -25,19 +25,19 @@ pub struct Pointing {
 /// A pointer action.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Does {
-    /// Moves over the element without a button.
+    /// The pointer moves over the element while no button is down.
     #[default]
     Hover,
     /// A button or finger goes down.
     Press,
-    /// Moves while that is down, perhaps beyond the element.
+    /// The pointer moves while a button or finger is down. It may leave the element.
     Drag,
-    /// The wheel turns by this many px, towards the user if positive.
+    /// The wheel turns by this many pixels. A positive number scrolls down.
     Roll(f32),
 }
 
 impl FieldValue {
-    /// The text; empty for another kind of field.
+    /// The text. Empty for other kinds of fields.
     #[must_use]
     pub fn text(&self) -> &str {
         match self {
@@ -56,13 +56,13 @@ impl FieldValue {
     }
 }
 
-/// The values of a form's fields by name. Fields without a name, disabled fields and radio buttons
-/// without a selection are absent.
+/// The values of a form's fields by name. Fields without a name, disabled fields and groups of
+/// radio buttons without a selection are absent.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Form(Vec<(String, FieldValue)>);
 
 impl Form {
-    /// A form with these values.
+    /// Creates a form with these values.
     #[must_use]
     pub fn new(fields: Vec<(String, FieldValue)>) -> Self {
         Self(fields)
@@ -74,13 +74,13 @@ impl Form {
         self.0.iter().find(|(known, _)| known == name).map(|(_, value)| value)
     }
 
-    /// The text of a field; empty if it is absent or of another kind.
+    /// The text of a field. Empty if the field is absent or of another kind.
     #[must_use]
     pub fn text(&self, name: &str) -> &str {
         self.get(name).map_or("", FieldValue::text)
     }
 
-    /// The number in a field; `None` if it holds none or is absent.
+    /// The number in a field. `None` if the field contains no number or is absent.
     #[must_use]
     pub fn number(&self, name: &str) -> Option<f64> {
         self.get(name)?.number()

@@ -1,13 +1,14 @@
-//! Turn input from keys.
+//! Turn inputs from keys.
 
 use serde::{Deserialize, Serialize};
 use sidestep::api::KeyEvent;
 use sidestep::vehicle::TurnInput;
 
-/// Event name under which the loss of all keys is recorded.
+/// The event name that records the loss of the keyboard, when all keys count as released.
 pub const BLUR: &str = "blur";
 
-/// The steering keys by their codes (`KeyboardEvent.code`), which are the same on every layout.
+/// The steering keys, by their codes (`KeyboardEvent.code`). Codes are the same on every keyboard
+/// layout.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct KeyMap {
     /// Keys that turn left.
@@ -17,7 +18,7 @@ pub struct KeyMap {
 }
 
 impl Default for KeyMap {
-    /// Arrows, or A and D.
+    /// The arrow keys, and A and D.
     fn default() -> Self {
         let codes = |codes: [&str; 2]| codes.map(str::to_owned).to_vec();
         Self { left: codes(["ArrowLeft", "KeyA"]), right: codes(["ArrowRight", "KeyD"]) }
@@ -25,14 +26,14 @@ impl Default for KeyMap {
 }
 
 impl KeyMap {
-    /// One key for each side; `None` if one cannot steer or both are the same.
+    /// One key for each side. Returns `None` if a key cannot steer or both are the same.
     #[must_use]
     pub fn chosen(left: &str, right: &str) -> Option<Self> {
         let fits = can_steer(left) && can_steer(right) && left != right;
         fits.then(|| Self { left: vec![left.to_owned()], right: vec![right.to_owned()] })
     }
 
-    /// The turn for a key.
+    /// The turn that a key steers.
     #[must_use]
     pub fn turn(&self, code: &str) -> Option<TurnInput> {
         let has = |codes: &[String]| codes.iter().any(|known| known == code);
@@ -44,7 +45,8 @@ impl KeyMap {
     }
 }
 
-/// Whether a key may steer. Excludes keys that leave the page, operate it, or modify other keys.
+/// Whether a key may be used to steer. Keys that leave the page, operate it or modify other keys
+/// may not.
 #[must_use]
 pub fn can_steer(code: &str) -> bool {
     const OTHERS: [&str; 6] = ["", "Tab", "Escape", "Enter", "NumpadEnter", "Space"];
@@ -55,12 +57,12 @@ pub fn can_steer(code: &str) -> bool {
     !(is_function || OTHERS.contains(&code) || GROUPS.iter().any(|group| code.starts_with(group)))
 }
 
-/// The keys that are down, in order of their presses, with the times of those.
+/// The keys that are down, in the order in which they were pressed, with the times of the presses.
 #[derive(Clone, Debug, Default)]
 pub struct HeldKeys(Vec<(f64, String)>);
 
 impl HeldKeys {
-    /// Records a key that went down or up; with [`BLUR`], all went up.
+    /// Records that a key went down or up. [`BLUR`] means that all keys went up.
     pub fn change(&mut self, t_ms: f64, code: &str, down: bool) {
         self.0.retain(|(_, held)| held != code && code != BLUR);
         if down {
@@ -74,14 +76,14 @@ impl HeldKeys {
         self.0.is_empty()
     }
 
-    /// The input for the keys held: that of the key pressed last. When it is released, the other
-    /// one counts again.
+    /// The input from the held keys: the turn of the key that was pressed last. When that key is
+    /// released, the other one counts again.
     #[must_use]
     pub fn turn(&self, keys: &KeyMap) -> TurnInput {
         self.0.last().and_then(|(_, code)| keys.turn(code)).unwrap_or(TurnInput::Straight)
     }
 
-    /// Their presses as the first events of a scene that starts at `start_ms`.
+    /// The presses of the held keys, as the first events of a scene that starts at `start_ms`.
     #[must_use]
     pub fn presses(&self, start_ms: f64) -> Vec<KeyEvent> {
         let press = |(t_ms, code): &(f64, String)| KeyEvent {
@@ -93,12 +95,12 @@ impl HeldKeys {
     }
 }
 
-/// The input at time `t_ms` after these key events (in order of time).
+/// The input at time `t_ms` after these key events, which must be sorted by time.
 #[must_use]
 pub fn input_at(events: &[KeyEvent], t_ms: f64, keys: &KeyMap) -> TurnInput {
     let count = events.partition_point(|event| event.t_ms <= t_ms);
     let past = events.get(..count).unwrap_or_default();
-    // Search backwards for the last press of a key without a later event of that key.
+    // Search backwards for the last press of a key that has no later event of the same key.
     for (i, event) in past.iter().enumerate().rev() {
         if event.key == BLUR {
             break;
@@ -117,7 +119,7 @@ mod tests {
 
     #[test]
     fn the_input_is_that_of_the_key_pressed_last() {
-        // A rule, key events, and the input at some times.
+        // A rule, key events, and the expected input at some times.
         type Case<'a> = (&'a str, &'a [(f64, &'a str, bool)], &'a [(f64, TurnInput)]);
         let cases: [Case<'_>; 5] = [
             (

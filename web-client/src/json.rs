@@ -1,10 +1,11 @@
-//! JSON by the browser's own means.
+//! JSON, parsed and formatted by the browser itself.
 //!
 //! Exact conversion between digits and numbers is a large part of what serde_json would add to the
-//! participant's download: its tables do not compress. The browser has both conversions built in.
-//! So the browser parses text to a tree of values (serde_json in native tests), serde deserializes
-//! a wire type from the tree, and serializes wire types with the browser's digits. Nothing is
-//! rounded either way. See `docs/decisions/0006-json-in-the-client.md`.
+//! participant's download, because its tables do not compress. The browser already has both
+//! conversions. So the browser parses text into a tree of values (serde_json does in native tests),
+//! and serde deserializes a wire type from the tree. For output, serde serializes wire types and
+//! the browser formats the digits. Nothing is rounded in either direction. See
+//! `docs/decisions/0006-json-in-the-client.md`.
 
 mod number;
 mod read;
@@ -14,9 +15,9 @@ pub use number::number;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// Deserializes a text; `None` if it is not JSON or of another shape.
+/// Deserializes a text. Returns `None` if it is not JSON or does not have the expected shape.
 #[must_use]
-// Not inlined, so that types read in several places are compiled once.
+// Not inlined, so that a type that is read in several places is compiled once.
 #[inline(never)]
 pub fn read<T: DeserializeOwned>(text: &[u8]) -> Option<T> {
     T::deserialize(&read::parse(text)?).ok()
@@ -26,7 +27,7 @@ pub fn read<T: DeserializeOwned>(text: &[u8]) -> Option<T> {
 #[must_use]
 pub fn write<T: Serialize>(value: &T) -> String {
     let mut text = String::new();
-    // Wire types contain nothing that JSON cannot represent.
+    // This cannot fail, because wire types contain nothing that JSON cannot represent.
     let _ = value.serialize(write::Writer(&mut text));
     text
 }

@@ -1,8 +1,8 @@
 //! Sidestep in the browser.
 //!
 //! A page is a [`Page`](runtime::Page): it takes messages of its own type, returns commands, and
-//! describes its view ([`view`], [`sidestep::picture`]). [`diff`] computes the edits of the
-//! document between two views. Only [`browser`] touches the browser, so tests drive every page
+//! describes its view ([`view`], [`sidestep::picture`]). [`diff`] computes the document's edits
+//! between two views. Only [`browser`] uses the browser's API, so tests can drive every page
 //! natively.
 
 pub mod form;

@@ -1,5 +1,5 @@
-//! Trials that the server has not yet acknowledged. Each is stored in this browser before it is
-//! sent. They are sent in order, and deleted only after the server has acknowledged them.
+//! Trials that the server has not yet acknowledged. Each trial is stored in this browser before it
+//! is sent. The trials are sent in order, and deleted only after the server has acknowledged them.
 
 use crate::runtime::{Answer, Command, Commands, Failure, NotKept, Request};
 use sidestep::api::routes;
@@ -21,7 +21,7 @@ enum Line {
     Free,
     /// A trial is being sent.
     Busy,
-    /// The last attempt failed, and the pause before the next is not over.
+    /// The last attempt failed, and the pause before the next attempt is not over.
     Pausing,
 }
 
@@ -29,20 +29,20 @@ enum Line {
 struct Waiting {
     trial_id: String,
     body: String,
-    /// Whether this browser has stored it; `None` until that is known.
+    /// Whether this browser could store the trial. `None` until that is known.
     kept: Option<bool>,
 }
 
 /// Messages to the outbox.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Msg {
-    /// The browser has stored this trial, or failed to.
+    /// The browser has stored this trial, or failed to store it.
     Kept(String, Result<(), NotKept>),
     /// The server answered the upload of this trial.
     Uploaded(String, Answer),
-    /// The browser has stored this refused trial apart from the queue, or failed to.
+    /// The browser has stored this refused trial outside the queue, or failed to do so.
     SetAside(String, Result<(), NotKept>),
-    /// It is time to try again.
+    /// It is time to retry.
     Retry,
 }
 
@@ -51,11 +51,12 @@ pub enum Msg {
 pub enum UploadOutcome {
     /// The server has stored this trial.
     Stored(String),
-    /// The server already had another version of this trial; this one stays here.
+    /// The server already had another version of this trial. The version from this browser stays
+    /// here.
     StoredBefore(String),
-    /// The server expects another trial first; this one stays in the queue.
+    /// The server expects another trial first. This trial stays in the queue.
     OutOfOrder,
-    /// The server does not accept this trial, for this reason; it stays here.
+    /// The server does not accept this trial, for this reason. The trial stays in this browser.
     Refused(String, String),
     /// The server accepts nothing more from this participant, for this reason.
     Ended(Failure),
@@ -94,7 +95,7 @@ impl Outbox {
         format!("{kind}.{}.{trial_id}", self.participant_id)
     }
 
-    /// Stores a trial until the server has it.
+    /// Queues a trial and stores it until the server has it.
     pub fn add(&mut self, trial_id: &str, body: String) -> Command<Msg> {
         let id = trial_id.to_owned();
         let keep = Command::Keep {
@@ -106,7 +107,7 @@ impl Outbox {
         keep
     }
 
-    /// Sends the trial that the server expects, if it is in the queue and no other is being sent. A
+    /// Sends the trial that the server expects, if it is in the queue and no trial is being sent. A
     /// trial that the browser cannot store is sent from memory.
     pub fn send(&mut self, awaited: Option<&str>) -> Option<Command<Msg>> {
         if self.line != Line::Free {
@@ -116,7 +117,7 @@ impl Outbox {
         let next = self.waiting.iter().find(is_next).filter(|next| next.kept.is_some())?;
         self.line = Line::Busy;
         let id = next.trial_id.clone();
-        // The rest of the queue is the study's backlog, which experimenters watch.
+        // The number of other trials in the queue is the backlog, which experimenters monitor.
         let url = format!("{}?waiting={}", routes::my_trial(&id), self.waiting.len() - 1);
         Some(Command::Send(Request {
             name: "upload",
@@ -128,7 +129,7 @@ impl Outbox {
         }))
     }
 
-    /// Handles a message. Afterwards, [`Self::send`] may have something to send.
+    /// Handles a message. Afterwards, [`Self::send`] may have a trial to send.
     pub fn update(&mut self, message: Msg) -> (Option<UploadOutcome>, Commands<Msg>) {
         match message {
             Msg::Kept(trial_id, kept) => {
@@ -137,7 +138,7 @@ impl Outbox {
                     waiting.kept = Some(kept.is_ok());
                 }
             }
-            // If there is no room for a second copy, the trial stays where it is.
+            // If there is no space for a second copy, the trial stays under its first name.
             Msg::SetAside(_, Err(_)) => {}
             Msg::SetAside(trial_id, Ok(())) => return (None, vec![self.forget(&trial_id)]),
             Msg::Retry => self.resume(),
@@ -173,7 +174,7 @@ impl Outbox {
         (Some(outcome), set_aside.into_iter().collect())
     }
 
-    /// Begins a pause; pauses grow exponentially.
+    /// Begins a pause before the next attempt. Pauses grow exponentially.
     fn pause(&mut self) -> Command<Msg> {
         self.line = Line::Pausing;
         let pause_ms = FIRST_PAUSE_MS * f64::from(1u32 << self.failures.min(8));
@@ -182,8 +183,8 @@ impl Outbox {
         Command::Wake { timer: "upload-retry", after_ms, message: Msg::Retry }
     }
 
-    /// Jitter between a half and one, different for each participant and attempt, so that not all
-    /// clients call a restarted server at once.
+    /// Jitter factor between 0.5 and 1. It differs between participants and between attempts, so
+    /// that not all clients call a restarted server at the same time.
     fn share(&self) -> f64 {
         let mix = |hash: u32, byte: u8| (hash ^ u32::from(byte)).wrapping_mul(16_777_619);
         let hash =
@@ -208,19 +209,19 @@ impl Outbox {
         Some(Command::Keep { name, text: body, then })
     }
 
-    /// Ends the pause after a failed attempt, for example when the network is back.
+    /// Ends the pause after a failed attempt, for example because the network is available again.
     pub fn resume(&mut self) {
         if self.line == Line::Pausing {
             self.line = Line::Free;
         }
     }
 
-    /// Drops a trial that the server has stored, whichever tab sent it.
+    /// Drops a trial that the server has stored, no matter which tab sent it.
     pub fn drop_stored(&mut self, trial_id: &str) -> Option<Command<Msg>> {
         self.take(trial_id).map(|_| self.forget(trial_id))
     }
 
-    /// Deletes the whole queue: the participant has withdrawn.
+    /// Deletes the whole queue, because the participant has withdrawn.
     pub fn forget_all(&mut self) -> Commands<Msg> {
         let waiting = std::mem::take(&mut self.waiting);
         waiting.iter().map(|waiting| self.forget(&waiting.trial_id)).collect()
@@ -232,7 +233,7 @@ impl Outbox {
         self.waiting.len()
     }
 
-    /// Whether everything has been sent.
+    /// Whether the queue is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.waiting.is_empty()
@@ -244,7 +245,7 @@ impl Outbox {
         self.waiting.iter().any(|waiting| waiting.trial_id == trial_id)
     }
 
-    /// Whether this browser has stored the whole queue, so that the page may be closed.
+    /// Whether this browser has stored every trial in the queue, so that the page may be closed.
     #[must_use]
     pub fn is_safe(&self) -> bool {
         self.waiting.iter().all(|waiting| waiting.kept == Some(true))
@@ -309,7 +310,7 @@ mod tests {
             self.apply(vec![keep]);
         }
 
-        /// Sends the trial that the server expects. Returns whether that was possible.
+        /// Sends the trial that the server expects. Returns whether there was one to send.
         fn upload(&mut self, awaited: &str) -> bool {
             let send = self.page.outbox.send(Some(awaited));
             let sends = send.is_some();
@@ -317,7 +318,7 @@ mod tests {
             sends
         }
 
-        /// The server refuses the upload. Returns the outcome.
+        /// Lets the server refuse the upload. Returns the outcome.
         fn refuse(&mut self, status: u16, code: &str) -> Option<UploadOutcome> {
             let body = format!(r#"{{"code":"{code}","message":"because"}}"#);
             self.answer("upload", status, body.as_bytes());
@@ -379,7 +380,7 @@ mod tests {
             browser.wake("upload-retry");
         }
         assert!(browser.page.outbox.is_struggling() && browser.page.outcomes.is_empty());
-        // A reload restores both.
+        // A reload restores both trials.
         let kept: Vec<_> = browser.kept.into_iter().collect();
         let mut again = Outbox::restore("p", "fresh", &plan(), &kept);
         assert_eq!(again.len(), 2);
@@ -447,7 +448,7 @@ mod tests {
             browser.answer("upload", 201, b"");
             assert!(browser.page.outbox.is_safe() && browser.page.outbox.is_empty());
         }
-        // There is room for the trial but not for a copy: the first is not deleted.
+        // If there is space for the trial but not for a copy of it, the trial is not deleted.
         let mut browser = open(&["t1"]);
         browser.refuses = Some(NotKept::Full);
         browser.upload("t1");

@@ -1,4 +1,4 @@
-//! The pages, one state machine each.
+//! The pages. Each is a state machine.
 
 mod parts;
 pub mod participant;

@@ -1,5 +1,5 @@
-//! Interface between a page and the browser: the page takes messages of its own type and returns
-//! commands, each of which turns its outcome into a message.
+//! The interface between a page and the browser. The page takes messages of its own type and
+//! returns commands. The outcome of a command becomes a message.
 
 use crate::evaluation::Part;
 use crate::task::Task;
@@ -9,14 +9,15 @@ use sidestep::picture::Picture;
 use sidestep::value_view::Mesh;
 use std::rc::Rc;
 
-/// A page: a state machine with its own message type. It never blocks and never touches the
-/// browser, so tests run it natively.
+/// A page is a state machine with its own message type. It never blocks and never uses the
+/// browser's API, so tests can run it natively.
 pub trait Page {
-    /// The page's messages.
+    /// The type of the page's messages.
     type Msg: Clone + 'static;
 
-    /// Whether it has several addresses. This is an associated function so that the compiler
-    /// removes code that a page does not need: every participant downloads the program.
+    /// Whether the page has several addresses. This and the following are associated functions, so
+    /// that the compiler can remove code that a page does not need. Every participant downloads the
+    /// program.
     #[must_use]
     fn navigates() -> bool
     where
@@ -25,7 +26,7 @@ pub trait Page {
         false
     }
 
-    /// Whether it shows solids; otherwise [`Page::solid`] is never called.
+    /// Whether the page shows solids. If not, [`Page::solid`] is never called.
     #[must_use]
     fn shows_solids() -> bool
     where
@@ -34,7 +35,7 @@ pub trait Page {
         false
     }
 
-    /// Whether it may show a second picture; otherwise [`Page::draw_beside`] is never called.
+    /// Whether the page may show a second picture. If not, [`Page::draw_beside`] is never called.
     #[must_use]
     fn has_panes() -> bool
     where
@@ -43,7 +44,7 @@ pub trait Page {
         false
     }
 
-    /// Whether it uses pointer events; otherwise [`Node::on_point`] does nothing.
+    /// Whether the page uses pointer events. If not, [`Node::on_point`] has no effect.
     #[must_use]
     fn points() -> bool
     where
@@ -52,8 +53,8 @@ pub trait Page {
         false
     }
 
-    /// Whether it uses workers that compute; otherwise [`Command::Solve`] and [`Command::Evaluate`]
-    /// do nothing.
+    /// Whether the page uses workers that compute. If not, [`Command::Solve`] and
+    /// [`Command::Evaluate`] have no effect.
     #[must_use]
     fn solves() -> bool
     where
@@ -62,7 +63,7 @@ pub trait Page {
         false
     }
 
-    /// Whether it offers and opens files; otherwise [`Command::Offer`] does nothing, and file
+    /// Whether the page offers and opens files. If not, [`Command::Offer`] has no effect, and file
     /// fields have no content.
     #[must_use]
     fn offers_files() -> bool
@@ -72,7 +73,7 @@ pub trait Page {
         false
     }
 
-    /// Whether it stores records in this browser; otherwise it opens without reading any.
+    /// Whether the page stores records in this browser. If not, it opens without reading any.
     #[must_use]
     fn keeps() -> bool
     where
@@ -81,7 +82,7 @@ pub trait Page {
         true
     }
 
-    /// Whether it follows changes on the server; otherwise [`Command::Follow`] does nothing.
+    /// Whether the page follows changes on the server. If not, [`Command::Follow`] has no effect.
     #[must_use]
     fn follows() -> bool
     where
@@ -90,8 +91,9 @@ pub trait Page {
         false
     }
 
-    /// Whether keys are shortcuts: a focused control keeps the keys that it needs, and the page
-    /// receives all others, with repeats. Otherwise the page receives all keys, without repeats.
+    /// Whether keys are shortcuts. If so, a focused control gets the keys that it needs, and the
+    /// page receives all other keys, including repeats. If not, the page receives all keys, without
+    /// repeats.
     #[must_use]
     fn has_short_cuts() -> bool
     where
@@ -100,11 +102,11 @@ pub trait Page {
         false
     }
 
-    /// Handles a message and returns commands. `now_ms` is when the message's cause happened, on
-    /// the page's clock.
+    /// Handles a message and returns commands. `now_ms` is the time of the message's cause, on the
+    /// page's clock.
     fn update(&mut self, message: Self::Msg, now_ms: f64) -> Commands<Self::Msg>;
 
-    /// The view to show.
+    /// The view that the page shows.
     fn view(&self) -> Node<Self::Msg>;
 
     /// The document's title.
@@ -115,31 +117,31 @@ pub trait Page {
         None
     }
 
-    /// Time of the next change by the clock alone, on the page's clock, ms: [`Self::tick`] is
+    /// When the next change by the clock alone is due (ms on the page's clock). [`Self::tick`] is
     /// called then, whatever the frame rate.
     fn due_ms(&self) -> Option<f64> {
         None
     }
 
-    /// Computes what follows from the clock alone up to `now_ms`. Called when that is due and in
-    /// every frame. Returns a message if more than the picture changes; a call that returns `None`
-    /// allocates nothing.
+    /// Computes the changes up to `now_ms` that depend only on the clock. Called when such a change
+    /// is due and in every frame. Returns a message if more than the picture changes. A call that
+    /// returns `None` must not allocate.
     fn tick(&mut self, _now_ms: f64) -> Option<Self::Msg> {
         None
     }
 
-    /// Whether the page wants frames; otherwise the picture is painted only after messages.
+    /// Whether the page wants animation frames. If not, the picture is painted only after messages.
     fn wants_frames(&self) -> bool {
         false
     }
 
-    /// Draws the scene at `at_ms`, on the page's clock, into `picture`, which holds the last
-    /// picture painted. Returns whether there is a canvas.
+    /// Draws the scene at `at_ms` on the page's clock into `picture`, which still contains the last
+    /// painted picture. Returns whether there is a canvas.
     fn draw(&self, _at_ms: f64, _picture: &mut Picture) -> bool {
         false
     }
 
-    /// Like [`Self::draw`], for a second picture on its own canvas beside the first.
+    /// Like [`Self::draw`], but for a second picture with its own canvas.
     fn draw_beside(&self, _at_ms: f64, _picture: &mut Picture) -> bool {
         false
     }
@@ -149,8 +151,8 @@ pub trait Page {
         None
     }
 
-    /// Whether the key with this code (see [`Event::Key`]) belongs to the page, so that the browser
-    /// does not scroll on it.
+    /// Whether the page uses the key with this code (see [`Event::Key`]). If so, the browser does
+    /// not scroll when the key is pressed.
     fn owns_key(&self, _code: &str) -> bool {
         false
     }
@@ -159,22 +161,22 @@ pub trait Page {
     fn frame_shown(&mut self, _at_ms: f64, _work_ms: f64) {}
 }
 
-/// Something that happens outside the view.
+/// An event from outside the view.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
-    /// A key went down or up. Repeats are left out, except for shortcuts.
+    /// A key went down or up. Repeats are not reported, except for shortcuts.
     Key {
-        /// Its code, such as `ArrowLeft` or `KeyA`: the same on every layout.
+        /// Code of the key, such as `ArrowLeft` or `KeyA`; the same on every keyboard layout.
         code: String,
-        /// The character or name printed on it.
+        /// The character that the key types, or the name of the key.
         key: String,
-        /// Down or up.
+        /// Whether the key went down.
         down: bool,
     },
-    /// The window lost the keyboard. From now on no key counts as held, because the browser does
-    /// not report their release.
+    /// The window lost the keyboard. From now on, no key counts as held, because the browser does
+    /// not report when keys are released.
     FocusLost {
-        /// Whether the page is hidden, behind another tab for example.
+        /// Whether the page is hidden, for example behind another tab.
         hidden: bool,
     },
     /// The window has the keyboard again.
@@ -190,42 +192,43 @@ pub enum Event {
         /// Device pixels per CSS pixel.
         ratio: f64,
     },
-    /// The page fills the screen, or no longer does.
+    /// The page fills the screen (true), or no longer does (false).
     Fullscreen(bool),
-    /// The network is back.
+    /// The network is available again.
     Online,
-    /// Another tab has taken over a claim of this one; see [`Command::TakeOver`].
+    /// Another tab has taken over a claim of this tab; see [`Command::TakeOver`].
     TakenOver,
-    /// Another address is requested: the user followed a link, went back or forward, or edited the
-    /// address. The document stays if the page wants the message.
+    /// Another address is requested, because the user followed a link, went back or forward, or
+    /// edited the address. If the page wants the message, the document stays.
     Address(Address),
 }
 
-/// Triangles on their own canvas, transparent around them.
+/// A mesh of triangles on its own canvas, which is transparent around them.
 pub struct Solid<M> {
-    /// The canvas element's id.
+    /// Id of the canvas element.
     pub canvas: &'static str,
     /// The triangles. A changed mesh has a new pointer.
     pub mesh: Rc<Mesh>,
-    /// From the mesh's coordinates to clip coordinates, column by column.
+    /// Maps the mesh's coordinates to clip coordinates. In column-major order.
     pub matrix: [f32; 16],
-    /// The direction from which light falls, of length 1, in the space of the normals.
+    /// The direction of the light, as a unit vector in the space of the normals.
     pub light: [f32; 3],
-    /// Its tones in shadow, half light and bright light.
+    /// The colours of the solid in shadow, in half light and in bright light.
     pub tones: [[u8; 3]; 3],
-    /// Spacing of the rings on the surface, in the mesh's third coordinate.
+    /// Spacing of the rings on the surface, in the unit of the mesh's third coordinate.
     pub ring: f32,
-    /// Whether it is not being turned, so that it is drawn with more pixels.
+    /// Whether the solid is at rest. If so, it is drawn with more pixels.
     pub is_still: bool,
-    /// The message when the browser cannot draw it (false), permanently or while its context is
-    /// lost, and when it can again (true).
+    /// The message when the browser can draw the solid again (true) or cannot draw it (false),
+    /// either never or because the context is lost.
     pub then: Rc<dyn Fn(bool) -> M>,
-    /// The message after the first drawing of a mesh: duration of a frame while it turns, ms.
+    /// The message after the first drawing of a mesh, with the duration of a frame while the solid
+    /// turns (ms).
     pub drawn: Rc<dyn Fn(f64) -> M>,
 }
 
 impl<M: 'static> Solid<M> {
-    /// Maps its messages to those of a page that contains this one.
+    /// Maps the messages to the messages of a page that contains this solid.
     #[must_use]
     pub fn map<N: 'static>(self, lift: impl Fn(M) -> N + 'static) -> Solid<N> {
         let Self { canvas, mesh, matrix, light, tones, ring, is_still, then, drawn } = self;
@@ -244,11 +247,11 @@ pub struct Address {
     pub origin: String,
     /// Path, such as `/s/default`.
     pub path: String,
-    /// The raw query, with its `?`; empty if there is none.
+    /// The raw query with its `?`. Empty if there is no query.
     pub search: String,
-    /// Query, decoded.
+    /// The decoded query.
     pub query: Vec<(String, String)>,
-    /// The fragment, after `#`.
+    /// The fragment, without its `#`.
     pub fragment: String,
 }
 
@@ -260,7 +263,7 @@ impl Address {
     }
 }
 
-/// Percent-encodes a text for a query: everything but letters, digits and `-._~`.
+/// Percent-encodes a text for a query. Encodes everything except letters, digits and `-._~`.
 #[must_use]
 pub fn encoded(text: &str) -> String {
     let mut encoded = String::new();
@@ -274,35 +277,35 @@ pub fn encoded(text: &str) -> String {
     encoded
 }
 
-/// Context of a page when it opens.
+/// What a page knows when it opens.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PageContext {
     /// The page's address.
     pub address: Address,
     /// Records that pages of this origin have stored in this browser, by name.
     pub kept: Vec<(String, String)>,
-    /// Why this browser stores nothing, if so.
+    /// Why this browser stores nothing.
     pub not_kept: Option<NotKept>,
     /// The user's languages, such as `en-GB`, in order of preference.
     pub languages: Vec<String>,
-    /// Whether a finger is the only pointer, as on a phone or tablet. Browsers do not tell whether
-    /// there is a keyboard.
+    /// Whether fingers are the only pointers, as on a phone or tablet. Browsers do not report
+    /// whether there is a keyboard.
     pub touch_only: bool,
     /// Whether the user prefers reduced motion.
     pub reduced_motion: bool,
-    /// Width, height and pixel ratio of screen and window.
+    /// Width and height of the screen and of the window, and the pixel ratio.
     pub screen: Vec<(&'static str, f64)>,
-    /// Zero of the page's clock, ms since 1970.
+    /// The zero of the page's clock (ms since 1970).
     pub time_origin_ms: f64,
-    /// A random name, unguessable and unique to this visit; `None` if the browser provides no
-    /// random numbers.
+    /// A random name that is unique to this visit and cannot be guessed. `None` if the browser
+    /// provides no random numbers.
     pub random_name: Option<String>,
 }
 
 /// Commands, executed in order.
 pub type Commands<M> = Vec<Command<M>>;
 
-/// The message that an outcome becomes.
+/// Converts an outcome to a message.
 pub type Then<T, M> = Box<dyn FnOnce(T) -> M>;
 
 /// A command of a page to the browser.
@@ -312,11 +315,11 @@ pub type Then<T, M> = Box<dyn FnOnce(T) -> M>;
 pub enum Command<M> {
     /// Send a request.
     Send(Request<M>),
-    /// Send a message after this time.
+    /// Send a message after a delay.
     Wake {
         /// Name of the timer.
         timer: &'static str,
-        /// Delay, ms.
+        /// The delay (ms).
         after_ms: f64,
         /// The message.
         message: M,
@@ -327,54 +330,56 @@ pub enum Command<M> {
         name: &'static str,
         /// The task.
         task: Task,
-        /// The message of each report; the last report is a solution or a failure.
+        /// Converts each report to a message. The last report is a solution or a failure.
         then: Rc<dyn Fn(Solving) -> M>,
     },
-    /// Send a message to an evaluator. It is a function, so that programs without evaluators
-    /// contain no code for its result: every participant downloads one.
+    /// Send a message to an evaluator. The content is a function, so that programs without
+    /// evaluators, such as the participant's, contain no code for its result.
     Evaluate(Box<dyn FnOnce() -> Evaluate<M>>),
     /// Send a message now, and whenever the server reports a change. The connection is closed while
-    /// the page is hidden; when it is shown again, the message is sent at once.
+    /// the page is hidden. When the page is shown again, the message is sent immediately.
     Follow {
-        /// Its name, as of a request.
+        /// The name under which this can be cancelled.
         name: &'static str,
         /// Address of the server's events on this origin.
         url: &'static str,
         /// The message.
         then: Rc<dyn Fn() -> M>,
     },
-    /// Cancel the request, timer, solve, evaluator or following of this name.
+    /// Cancel the request, timer, solve, evaluator or `Follow` with this name.
     Cancel(&'static str),
     /// Cancel everything in progress.
     CancelAll,
-    /// Store a text in this browser. Once reported as stored, it survives a crash. Texts of one
-    /// name are stored in the order of these commands.
+    /// Store a text in this browser. Once the text is reported as stored, it survives a crash.
+    /// Texts with the same name are stored in the order of these commands.
     Keep {
-        /// Its name.
+        /// The name of the text.
         name: String,
         /// The text.
         text: String,
-        /// The message once it is stored or that has failed.
+        /// Converts the outcome to a message.
         then: Then<Result<(), NotKept>, M>,
     },
-    /// Delete the text of this name.
+    /// Delete the text with this name.
     Forget(String),
-    /// Claim a name for this tab only. Every other tab of this browser with the same claim loses it
-    /// and receives [`Event::TakenOver`].
+    /// Claim a name for this tab only. Every other tab of this browser that has claimed the name
+    /// loses it and receives [`Event::TakenOver`].
     TakeOver(String),
     /// Set the page's language.
     Language(String),
-    /// Turn on or off the confirmation for users who leave the page.
+    /// Switch on or off that users must confirm before they leave the page.
     GuardLeaving(bool),
-    /// Enter or leave full screen. The browser allows it only when a key or button was pressed.
+    /// Enter or leave full screen. The browser allows this only as a reaction to a key or button
+    /// press.
     Fullscreen(bool),
-    /// Offer something for download. It is a function for the same reason as in [`Self::Evaluate`].
+    /// Offer something for download. The content is a function for the same reason as in
+    /// [`Self::Evaluate`].
     Offer(Box<dyn FnOnce() -> Offer<M>>),
-    /// Replace the address without loading it.
+    /// Replace the address in the address bar without loading it.
     ReplaceAddress(String),
-    /// Show another address of this page as if a link to it had been followed.
+    /// Show another address of this page, as if the user had followed a link.
     Visit(String),
-    /// Navigate to another address.
+    /// Leave the page for another address.
     Leave(String),
 }
 
@@ -382,38 +387,39 @@ pub enum Command<M> {
 pub enum Offer<M> {
     /// A file.
     File {
-        /// Its name.
+        /// Name of the file.
         name: String,
-        /// Its media type.
+        /// Media type of the file.
         media_type: &'static str,
-        /// Its content.
+        /// Content of the file.
         content: Vec<u8>,
     },
-    /// A film of a canvas, recorded from now on. Cancelling its name discards it.
+    /// A film of a canvas, recorded from now on. Cancelling its name discards the film.
     Film {
-        /// Its name, as of a request.
+        /// The name under which this can be cancelled.
         name: &'static str,
-        /// The canvas element's id.
+        /// Id of the canvas element.
         canvas: &'static str,
         /// Name of the file.
         file: String,
-        /// The message once it is offered, or the reason for the failure.
+        /// Converts the outcome to a message: the film was offered, or it failed for this reason.
         then: Rc<dyn Fn(Result<(), String>) -> M>,
     },
-    /// Ends the recording of this name.
+    /// Ends the recording with this name.
     EndOfFilm(&'static str),
 }
 
-/// A message to the evaluator of a name. The evaluator is started if there is none, and runs until
-/// it is cancelled.
+/// A message to the evaluator with this name. If there is no such evaluator, it is started, and it
+/// runs until it is cancelled.
 pub struct Evaluate<M> {
-    /// Its name.
+    /// Name of the evaluator.
     pub name: &'static str,
-    /// The part of the input.
+    /// The kind of message.
     pub part: Part,
-    /// Its content.
+    /// Content of the message.
     pub content: Vec<u8>,
-    /// The message for each report. Only that of the command that started the evaluator is used.
+    /// Converts each report to a message. Only the function of the command that started the
+    /// evaluator is used.
     pub then: Rc<dyn Fn(Answer) -> M>,
 }
 /// Media type for an [`Offer::File`] with SVG content that is converted to a PNG image of twice its
@@ -422,22 +428,22 @@ pub const PNG_OF_SVG: &str = "image/png; from svg";
 
 /// A request to the server.
 pub struct Request<M> {
-    /// Its name; see [`Command`].
+    /// Name of the request; see [`Command`].
     pub name: &'static str,
     /// GET, POST, PUT or DELETE.
     pub method: &'static str,
-    /// Address on this origin.
+    /// Address on this page's origin.
     pub url: String,
-    /// Participant's token.
+    /// The participant's token, if any.
     pub token: Option<String>,
-    /// JSON.
+    /// The body (JSON), if any.
     pub body: Option<String>,
-    /// Turns the answer into a message.
+    /// Converts the answer to a message.
     pub then: Then<Answer, M>,
 }
 
 impl<M> Request<M> {
-    /// A request without token and body.
+    /// Creates a GET request without token and body.
     #[must_use]
     pub fn get(
         name: &'static str,
@@ -450,13 +456,13 @@ impl<M> Request<M> {
 }
 
 impl<M: 'static> Command<M> {
-    /// Offers this for download.
+    /// Creates the command that offers this for download.
     #[must_use]
     pub fn offer(offer: Offer<M>) -> Self {
         Self::Offer(Box::new(move || offer))
     }
 
-    /// Maps its messages to those of a page that contains this one.
+    /// Maps the messages to the messages of a page that contains the page of this command.
     #[must_use]
     pub fn map<N: 'static>(self, lift: impl Fn(M) -> N + Clone + 'static) -> Command<N> {
         match self {
@@ -508,14 +514,14 @@ impl<M: 'static> Command<M> {
 /// Why the browser did not store a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NotKept {
-    /// There is no room left for this site.
+    /// There is no space left for this site.
     Full,
-    /// The browser stores nothing for this site, in a private window for example.
+    /// The browser stores nothing for this site, for example in a private window.
     Denied,
 }
 
 impl NotKept {
-    /// A sentence for people.
+    /// An error message for people.
     #[must_use]
     pub fn sentence(self) -> &'static str {
         match self {
@@ -525,24 +531,24 @@ impl NotKept {
     }
 }
 
-/// Outcome of a request: the body of a 2xx response, or a failure.
+/// Outcome of a request: the body of a 2xx response, or the failure.
 pub type Answer = Result<Vec<u8>, Failure>;
 
 /// Why a request failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Failure {
-    /// Status of the refusal; 0 if the server could not be reached.
+    /// HTTP status of the response. 0 if the server could not be reached.
     pub status: u16,
-    /// The server's error code; empty if it gave none.
+    /// The server's error code. Empty if the server gave none.
     pub code: String,
-    /// A sentence for people.
+    /// An error message for people.
     pub sentence: String,
     /// Where to send a participant whose participation has ended.
     pub return_url: Option<String>,
 }
 
 impl Failure {
-    /// The server could not be reached.
+    /// The failure if the server could not be reached.
     #[must_use]
     pub fn unreachable() -> Self {
         let sentence = "The server cannot be reached. Check the internet connection.";
@@ -556,10 +562,10 @@ impl Failure {
     }
 }
 
-/// Interprets a response of the server.
+/// Interprets a response from the server.
 ///
 /// # Errors
-/// [`Failure`] if the server refused.
+/// [`Failure`] if the status is not 2xx.
 pub fn answer(status: u16, body: Vec<u8>) -> Answer {
     if (200..300).contains(&status) {
         return Ok(body);
@@ -588,10 +594,10 @@ pub fn read<T: serde::de::DeserializeOwned>(answer: Answer) -> Result<T, Failure
     })
 }
 
-/// A report of a solver beside the page.
+/// A report from a solver, which runs in a worker.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Solving {
-    /// Progress, 0 … 1.
+    /// Progress, from 0 to 1.
     Done(f64),
     /// The bytes of the value function.
     Solved(Vec<u8>),
@@ -599,7 +605,7 @@ pub enum Solving {
     Failed(String),
 }
 
-/// Capitalizes a message and adds a full stop: the server's messages have neither.
+/// Capitalizes a message and adds a full stop, because the server's messages may have neither.
 fn sentence(mut message: String) -> String {
     if let Some(first) = message.get_mut(..1) {
         first.make_ascii_uppercase();

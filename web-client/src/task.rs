@@ -1,4 +1,4 @@
-//! Task of a solver beside the page, and its solution.
+//! A task for a solver, and its solution.
 
 use serde::{Deserialize, Serialize};
 use sidestep::reachability::{
@@ -6,18 +6,18 @@ use sidestep::reachability::{
 };
 use std::ops::ControlFlow;
 
-/// A value function to be found.
+/// A value function to compute.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Task {
     /// The game.
     pub game: PursuitGame,
-    /// `None` for the best method.
+    /// The method of solution. `None` for the best method.
     #[serde(default)]
     pub method: Option<Method>,
-    /// Seconds; `None` for the converged value, since JSON has no infinity.
+    /// The horizon (s). `None` for the converged value, because JSON has no infinity.
     #[serde(default)]
     pub horizon_s: Option<f64>,
-    /// Accuracy of the grid; `None` for that of studies.
+    /// Accuracy of the grid. `None` for the accuracy that studies use.
     #[serde(default)]
     pub accuracy: Option<Accuracy>,
     /// Whether to return the NumPy archive that `sidestep solve` writes, instead of the server's
@@ -27,14 +27,14 @@ pub struct Task {
 }
 
 impl From<PursuitGame> for Task {
-    /// Solves as servers do for their studies.
+    /// A task that solves the game as servers do for their studies.
     fn from(game: PursuitGame) -> Self {
         Self { game, method: None, horizon_s: None, accuracy: None, as_archive: false }
     }
 }
 
 impl Task {
-    /// Solves the game. Returns the bytes in the server's format or as an archive.
+    /// Solves the game. Returns bytes in the server's format, or a NumPy archive.
     ///
     /// # Errors
     /// [`SolveError`] for a task that cannot be solved as stated, or if `progress` cancels it.
@@ -76,7 +76,7 @@ mod tests {
             let game = parameters.game(Evader::Human);
             let theirs = value_function(game, &mut |_| ControlFlow::Continue(())).unwrap();
             assert_eq!(solved(game.into()).unwrap(), theirs.encode());
-            // The task makes a JSON round trip, with defaults left out.
+            // The task makes a round trip through JSON, with its defaults left out.
             let text = format!(r#"{{"game":{}}}"#, serde_json::to_string(&game).unwrap());
             assert_eq!(serde_json::from_str::<Task>(&text).unwrap(), game.into());
         }

@@ -1,4 +1,4 @@
-//! A page in a minimal fake browser, whose server answers when the test says so.
+//! A page in a minimal fake browser. Its server answers when the test says so.
 
 use crate::evaluation::Evaluation;
 use crate::runtime::{
@@ -11,65 +11,65 @@ use sidestep::picture::Picture;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-/// Turns a report of a solver into a message.
+/// Converts a report of a solver to a message.
 pub(crate) type Report<M> = Rc<dyn Fn(Solving) -> M>;
 
-/// Turns a report of an evaluator into a message.
+/// Converts a report of an evaluator to a message.
 pub(crate) type Evaluated<M> = Rc<dyn Fn(Answer) -> M>;
 
-/// Turns a change on the server into a message.
+/// Creates the message for a change on the server.
 pub(crate) type Changed<M> = Rc<dyn Fn() -> M>;
 
-/// Turns the outcome of storing a text into a message.
+/// Converts the outcome of storing a text to a message.
 pub(crate) type Kept<M> = Then<Result<(), NotKept>, M>;
 
-/// Turns the outcome of a film into a message.
+/// Converts the outcome of a film to a message.
 pub(crate) type Filmed<M> = Rc<dyn Fn(Result<(), String>) -> M>;
 
-/// A page, and its requests to the browser.
+/// A page in the fake browser, with the page's requests.
 pub(crate) struct Session<P: Page> {
     pub(crate) page: P,
-    /// Time of the next message, on the page's clock.
+    /// The time of the next message, on the page's clock (ms).
     pub(crate) now_ms: f64,
-    /// Texts stored in the browser.
+    /// The texts that the browser has stored, by name.
     pub(crate) kept: BTreeMap<String, String>,
-    /// Why it refuses to store more, if so.
+    /// Why the browser refuses to store more texts.
     pub(crate) refuses: Option<NotKept>,
     /// Requests without an answer so far.
     pub(crate) asked: Vec<Request<P::Msg>>,
-    /// Timers that are set: name, duration in ms, message.
+    /// The timers that are set: name, duration (ms) and message.
     pub(crate) timers: Vec<(&'static str, f64, P::Msg)>,
-    /// Tasks of the solvers, by name of the solve.
+    /// The solves in progress: name, task and message function.
     pub(crate) solving: Vec<(&'static str, Task, Report<P::Msg>)>,
-    /// Evaluators and their message functions, by name.
+    /// By name, the evaluators and their message functions.
     pub(crate) evaluators: BTreeMap<&'static str, (Evaluation, Evaluated<P::Msg>)>,
-    /// Message functions for changes, by name of the following.
+    /// The subscriptions to changes: name and message function.
     pub(crate) following: Vec<(&'static str, Changed<P::Msg>)>,
-    /// Addresses that were shown without leaving the document.
+    /// The addresses that the page has shown without leaving the document.
     pub(crate) visited: Vec<String>,
-    /// The address that the page left for.
+    /// The address for which the page has left.
     pub(crate) left: Option<String>,
-    /// Claims of this tab.
+    /// The names that this tab has claimed.
     pub(crate) claims: Vec<String>,
-    /// Whether users who leave are asked for confirmation.
+    /// Whether users must confirm before they leave.
     pub(crate) guarded: bool,
     /// Whether the page has requested full screen.
     pub(crate) fullscreen: bool,
-    /// Whether the browser delays storing texts; they are in `keeping`.
+    /// Whether the browser delays storing texts. The delayed texts are in `keeping`.
     pub(crate) keeps_slowly: bool,
-    /// Texts still to be stored: name, text and message.
+    /// The texts that are to be stored: name, text and message function.
     pub(crate) keeping: Vec<(String, String, Kept<P::Msg>)>,
     picture: Picture,
-    /// Names and contents of the files offered; those of canvases are empty.
+    /// Names and contents of the files offered.
     pub(crate) files: Vec<(String, Vec<u8>)>,
-    /// Films being recorded, by name: name of the file, and the message function.
+    /// The films being recorded: name, name of the file, and message function.
     pub(crate) films: Vec<(&'static str, String, Filmed<P::Msg>)>,
-    /// Names of films that have ended.
+    /// Names of the films that were ended.
     pub(crate) films_ended: Vec<&'static str>,
 }
 
 impl<P: Page> Session<P> {
-    /// A page that has just opened, in a browser with `kept` stored.
+    /// Opens a page in a browser that has stored `kept`.
     pub(crate) fn new(
         (page, commands): (P, Commands<P::Msg>),
         kept: BTreeMap<String, String>,
@@ -157,7 +157,7 @@ impl<P: Page> Session<P> {
         }
     }
 
-    /// Stores, or refuses, all pending texts.
+    /// Stores all pending texts, or refuses to.
     pub(crate) fn keep(&mut self) {
         for (name, text, then) in std::mem::take(&mut self.keeping) {
             let kept = self.refuses.map_or(Ok(()), Err);
@@ -176,7 +176,7 @@ impl<P: Page> Session<P> {
         self.evaluators.retain(|name, _| !named(name));
     }
 
-    /// Runs the evaluator of this name to the end, with only the last report.
+    /// Runs the evaluator with this name until it has finished. Delivers only the last report.
     pub(crate) fn evaluate(&mut self, name: &str) {
         let (evaluation, then) = self.evaluators.get_mut(name).expect("an evaluator");
         while evaluation.work(&mut |_| {}) {}
@@ -197,7 +197,7 @@ impl<P: Page> Session<P> {
         self
     }
 
-    /// Shows a frame, or wakes the page at its due time.
+    /// Shows a frame, or ticks the page at its due time.
     pub(crate) fn frame(&mut self) {
         if let Some(message) = self.page.tick(self.now_ms) {
             self.tell(message);
@@ -207,7 +207,7 @@ impl<P: Page> Session<P> {
         }
     }
 
-    /// The picture to show, if there is a canvas.
+    /// The picture that the page draws now, if there is a canvas.
     pub(crate) fn picture(&self) -> Option<Picture> {
         let mut picture = Picture::default();
         self.page.draw(self.now_ms, &mut picture).then_some(picture)
@@ -218,7 +218,7 @@ impl<P: Page> Session<P> {
         self.tell(message);
     }
 
-    /// Removes and returns the request of this name.
+    /// Removes and returns the request with this name.
     pub(crate) fn take(&mut self, name: &str) -> Request<P::Msg> {
         let at = self.asked.iter().position(|request| request.name == name);
         let names: Vec<_> = self.asked.iter().map(|request| request.name).collect();
@@ -230,12 +230,12 @@ impl<P: Page> Session<P> {
         self.tell((request.then)(answer));
     }
 
-    /// The server answers the request of this name.
+    /// Lets the server answer the request with this name.
     pub(crate) fn answer(&mut self, name: &str, status: u16, body: &[u8]) {
         self.reply(name, answer(status, body.to_vec()));
     }
 
-    /// The same with a value as JSON.
+    /// Lets the server answer the request with a value as JSON.
     pub(crate) fn send(&mut self, name: &str, status: u16, body: &impl serde::Serialize) {
         self.answer(name, status, &serde_json::to_vec(body).unwrap());
     }
@@ -244,14 +244,14 @@ impl<P: Page> Session<P> {
         self.reply(name, Err(Failure::unreachable()));
     }
 
-    /// Fires a timer.
+    /// Fires the timer with this name.
     pub(crate) fn wake(&mut self, timer: &str) {
         let at = self.timers.iter().position(|(name, ..)| *name == timer).expect("a timer");
         let (.., message) = self.timers.remove(at);
         self.tell(message);
     }
 
-    /// The solver of this name reports.
+    /// Lets the solver with this name report.
     pub(crate) fn solver(&mut self, name: &str, solving: Solving) {
         let at = self.solving.iter().position(|(other, ..)| *other == name).expect("a solve");
         let message = (self.solving[at].2)(solving.clone());
@@ -261,7 +261,7 @@ impl<P: Page> Session<P> {
         self.tell(message);
     }
 
-    /// The server reports a change.
+    /// Lets the server report a change.
     pub(crate) fn changed(&mut self) {
         let messages: Vec<_> = self.following.iter().map(|(_, then)| then()).collect();
         for message in messages {
@@ -275,17 +275,17 @@ impl<P: Page> Session<P> {
         self.tell(message.unwrap_or_else(|| panic!("no {test_id} in: {}", view.words())));
     }
 
-    /// All visible text.
+    /// All text of the view.
     pub(crate) fn text(&self) -> String {
         self.page.view().words()
     }
 
-    /// The text of the element with that test name, if it is shown.
+    /// The text of the element with this test name, if it is shown.
     pub(crate) fn words(&self, test_id: &str) -> Option<String> {
         self.page.view().find(test_id).map(Node::words)
     }
 
-    /// Addresses of the requests without an answer.
+    /// The addresses of the requests that have no answer yet.
     pub(crate) fn urls(&self) -> Vec<&str> {
         self.asked.iter().map(|request| request.url.as_str()).collect()
     }

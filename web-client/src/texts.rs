@@ -1,4 +1,4 @@
-//! The sentences of a page in its user's language.
+//! The sentences of a page, in the user's language.
 
 mod intl;
 
@@ -8,9 +8,9 @@ use sidestep::api::Texts;
 /// A value for a placeholder in a sentence.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fill<'a> {
-    /// A number, in the language's digits.
+    /// A number, to be formatted for the language.
     Number(f64),
-    /// Words.
+    /// A text.
     Words(&'a str),
 }
 
@@ -40,11 +40,11 @@ impl<'a> From<&'a String> for Fill<'a> {
 
 /// Access to sentences.
 ///
-/// A sentence has placeholders such as `{scenes}`. One that depends on a number has a key for each
-/// plural form of the language, such as `ready.left.one` and `ready.left.other` (the [categories of
-/// Unicode](https://cldr.unicode.org/index/cldr-spec/plural-rules)).
+/// A sentence has placeholders such as `{scenes}`. A sentence that depends on a number has one key
+/// for each plural form of the language, such as `ready.left.one` and `ready.left.other` (the
+/// [categories of Unicode](https://cldr.unicode.org/index/cldr-spec/plural-rules)).
 pub trait Sentences {
-    /// The sentence of a key, with its placeholders filled; the key itself if there is no such
+    /// The sentence with this key, with its placeholders filled. The key itself if there is no such
     /// sentence.
     #[must_use]
     fn get(&self, key: &str, fills: &[(&str, Fill<'_>)]) -> String;
@@ -53,11 +53,11 @@ pub trait Sentences {
     #[must_use]
     fn fill(&self, sentence: &str, fills: &[(&str, Fill<'_>)]) -> String;
 
-    /// The sentence of a key in the plural form for `count`, which fills `{n}`.
+    /// The sentence with this key, in the plural form for `count`. `count` also fills `{n}`.
     #[must_use]
     fn count(&self, key: &str, count: usize, fills: &[(&str, Fill<'_>)]) -> String;
 
-    /// A number as people of this language write it.
+    /// Formats a number for the language.
     #[must_use]
     fn number(&self, number: f64) -> String;
 }

@@ -1,20 +1,20 @@
-//! The view of a page, as plain data: a tree of elements whose controls carry the page's messages.
-//! [`browser`](crate::browser) updates the document to it with the fewest changes.
+//! The view of a page as plain data. It is a tree of elements, whose controls contain the page's
+//! messages. [`browser`](crate::browser) updates the document to match the view with few changes.
 
 use crate::form::{FieldValue, Form, Pointing};
 use sidestep::chart::Element;
 use std::ops::{Deref, DerefMut};
 use std::rc::Rc;
 
-/// The attribute that holds an element's content where that is HTML; see [`Node::html`].
+/// The attribute that contains an element's content if the content is HTML; see [`Node::html`].
 pub const HTML: &str = "innerHTML";
 
-/// The attribute of an element that listens to pointers; its value says whether it listens to the
-/// wheel too.
+/// The attribute of an element that listens to pointers. Its value says whether the element also
+/// listens to the wheel.
 pub const POINTS: &str = "data-points";
 
-/// An element. `M` is the page's message type. It is a pointer, because building a page moves
-/// elements: moving a pointer takes less code, and so less download.
+/// An element. `M` is the page's message type. An element is a pointer to its content, because
+/// building a page moves elements: moving a pointer needs less code and so a smaller download.
 #[derive(Clone)]
 pub struct Node<M>(Box<Inside<M>>);
 
@@ -39,11 +39,11 @@ pub struct Inside<M> {
     pub tag: &'static str,
     /// Attributes by name.
     pub attributes: Vec<(&'static str, String)>,
-    /// Its children, in order.
+    /// Children, in order.
     pub children: Vec<Child<M>>,
-    /// The message when the element is used.
+    /// What sends a message when the element is used.
     pub handler: Option<Handler<M>>,
-    /// Identifies it among its siblings; see [`Node::key`].
+    /// Identifies the element among its siblings; see [`Node::key`].
     key: Option<String>,
     /// See [`Node::focus`].
     pub takes_focus: bool,
@@ -56,11 +56,11 @@ pub enum Child<M> {
     Node(Node<M>),
     /// Text.
     Text(String),
-    /// A time, ms since 1970, shown as local date and time.
+    /// A time (ms since 1970), which is shown as local date and time.
     Moment(i64),
 }
 
-/// The message of an element when it is used.
+/// How an element creates a message when it is used.
 #[derive(Clone)]
 pub enum Handler<M> {
     /// The element was pressed.
@@ -71,7 +71,7 @@ pub enum Handler<M> {
     Submit(Rc<dyn Fn(Form) -> M>),
 }
 
-/// An element of this name.
+/// Creates an element with this tag.
 #[must_use]
 pub fn el<M>(tag: &'static str) -> Node<M> {
     Node(Box::new(Inside {
@@ -85,7 +85,7 @@ pub fn el<M>(tag: &'static str) -> Node<M> {
 }
 
 impl<M> Node<M> {
-    /// Sets an attribute, replacing one of the same name.
+    /// Sets an attribute. Replaces an attribute with the same name.
     #[must_use]
     pub fn attr(self, name: &'static str, value: impl ToString) -> Self {
         self.with(name, value.to_string())
@@ -98,7 +98,7 @@ impl<M> Node<M> {
         self
     }
 
-    /// Sets attributes.
+    /// Sets several attributes.
     #[must_use]
     #[inline(never)]
     pub fn attrs(self, attributes: &[(&'static str, &str)]) -> Self {
@@ -111,52 +111,52 @@ impl<M> Node<M> {
         if condition { self.attr(name, value) } else { self }
     }
 
-    /// Sets style classes.
+    /// Sets the CSS classes.
     #[must_use]
     #[inline(never)]
     pub fn class(self, names: &str) -> Self {
         self.attr("class", names)
     }
 
-    /// Sets the name under which tests find it.
+    /// Sets the name under which tests find the element.
     #[must_use]
     #[inline(never)]
     pub fn test_id(self, name: &str) -> Self {
         self.attr("data-testid", name)
     }
 
-    /// Sets a key, unique among its siblings. An element keeps its object in the document, with its
-    /// focus, scroll position and input, wherever its key moves among the siblings; an element with
-    /// a new key is created.
+    /// Sets a key, which must be unique among the siblings. If an element's key moves among the
+    /// siblings, the element keeps its DOM node, with its focus, scroll position and input. For a
+    /// new key, a new DOM node is created.
     #[must_use]
     pub fn key(mut self, key: impl ToString) -> Self {
         self.key = Some(key.to_string());
         self
     }
 
-    /// Takes the keyboard focus when it appears. Used for headings, so that screen readers start
-    /// there on a new page.
+    /// Makes the element take the keyboard focus when it appears. Used for headings, so that screen
+    /// readers start there on a new page.
     #[must_use]
     pub fn focus(mut self) -> Self {
         self.takes_focus = true;
         self
     }
 
-    /// Sends `message` when it is pressed.
+    /// Sends `message` when the element is pressed.
     #[must_use]
     pub fn on_press(mut self, message: M) -> Self {
         self.handler = Some(Handler::Press(message));
         self
     }
 
-    /// Sends a message with the new value of this field whenever that changes.
+    /// Sends a message with the new value whenever the value of this field changes.
     #[must_use]
     pub fn on_input(mut self, message: impl Fn(FieldValue) -> M + 'static) -> Self {
         self.handler = Some(Handler::Input(Rc::new(message)));
         self
     }
 
-    /// Sends a message for each pointer action here, except the wheel. The page's
+    /// Sends a message for each pointer action on this element, except the wheel. The page's
     /// [`points`](crate::runtime::Page::points) must return true.
     #[must_use]
     pub fn on_point(self, message: impl Fn(Pointing) -> M + 'static) -> Self {
@@ -167,13 +167,13 @@ impl<M> Node<M> {
         self.attr(POINTS, "").on_input(message)
     }
 
-    /// The same including the wheel, which then does not scroll the page.
+    /// Like [`Self::on_point`], but also for the wheel, which then does not scroll the page.
     #[must_use]
     pub fn on_point_and_wheel(self, message: impl Fn(Pointing) -> M + 'static) -> Self {
         self.on_point(message).attr(POINTS, "wheel")
     }
 
-    /// Sends a message with all values of this form when it is submitted.
+    /// Sends a message with all values of this form when the form is submitted.
     #[must_use]
     pub fn on_submit(mut self, message: impl Fn(Form) -> M + 'static) -> Self {
         self.handler = Some(Handler::Submit(Rc::new(message)));
@@ -192,14 +192,14 @@ impl<M> Node<M> {
         self
     }
 
-    /// Adds a local date and time, from ms since 1970.
+    /// Adds a time (ms since 1970), shown as local date and time.
     #[must_use]
     pub fn moment(self, ms: i64) -> Self {
         self.holding(Child::Moment(ms))
     }
 
-    /// Sets HTML as its only content: the researchers' texts, from which the server has removed all
-    /// elements that could run code, or one of our drawings, whose text is escaped.
+    /// Sets HTML as the only content: a researcher's text, from which the server has removed all
+    /// elements that could run code, or a drawing of the library, whose text is escaped.
     #[must_use]
     pub fn html(self, html: impl Into<String>) -> Self {
         self.attr(HTML, html.into())
@@ -219,7 +219,7 @@ impl<M> Node<M> {
         self
     }
 
-    /// Its identity among siblings: its key, or else the name under which tests find it.
+    /// The identity of the element among its siblings: its key or, if it has none, its test name.
     #[must_use]
     pub fn identity(&self) -> Option<&str> {
         self.key.as_deref().or_else(|| self.attribute("data-testid"))
@@ -231,7 +231,7 @@ impl<M> Node<M> {
         self.attributes.iter().find(|(known, _)| *known == name).map(|(_, value)| value.as_str())
     }
 
-    /// Maps its messages to those of a page that contains this one.
+    /// Maps the messages to the messages of a page that contains this node.
     #[must_use]
     pub fn map<N: 'static>(self, lift: &Rc<dyn Fn(M) -> N>) -> Node<N>
     where
@@ -261,7 +261,7 @@ impl<M> Node<M> {
 
 /// Access to a view for tests.
 impl<M: Clone> Node<M> {
-    /// All text in it.
+    /// All text within the element.
     #[must_use]
     pub fn words(&self) -> String {
         if let Some(html) = self.attribute(HTML) {
@@ -277,7 +277,7 @@ impl<M: Clone> Node<M> {
         words.collect::<Vec<_>>().join(" ")
     }
 
-    /// The first element in it with that test name.
+    /// The first element with this test name, within this element.
     #[must_use]
     pub fn find(&self, test_id: &str) -> Option<&Self> {
         if self.attribute("data-testid") == Some(test_id) {
@@ -289,7 +289,7 @@ impl<M: Clone> Node<M> {
         })
     }
 
-    /// The test names of all elements in it.
+    /// The test names of all elements within this element.
     #[must_use]
     pub fn test_ids(&self) -> Vec<&str> {
         let inner = self.children.iter().flat_map(|child| match child {
@@ -299,7 +299,7 @@ impl<M: Clone> Node<M> {
         self.attribute("data-testid").into_iter().chain(inner).collect()
     }
 
-    /// The message of the element with that test name when it is pressed, if it can be.
+    /// The message when the element with this test name is pressed. `None` if it cannot be pressed.
     #[must_use]
     pub fn press(&self, test_id: &str) -> Option<M> {
         let node = self.find(test_id)?;
@@ -311,7 +311,7 @@ impl<M: Clone> Node<M> {
         }
     }
 
-    /// The message of the field with that test name when it gets this value.
+    /// The message when the field with this test name gets this value.
     #[must_use]
     pub fn enter(&self, test_id: &str, value: FieldValue) -> Option<M> {
         match &self.find(test_id)?.handler {
@@ -320,7 +320,7 @@ impl<M: Clone> Node<M> {
         }
     }
 
-    /// The message of the form with that test name when it is submitted with these values.
+    /// The message when the form with this test name is submitted with these values.
     #[must_use]
     pub fn submit(&self, test_id: &str, form: Form) -> Option<M> {
         match &self.find(test_id)?.handler {
@@ -330,8 +330,8 @@ impl<M: Clone> Node<M> {
     }
 }
 
-/// The innermost handler that satisfies `hears` on the way from `children` along `path` (indices
-/// among siblings), and how many steps of the path lead to it.
+/// The innermost handler that satisfies `hears` along `path`, a list of indices that starts among
+/// `children`. Also returns how many steps of the path lead to the handler.
 #[must_use]
 pub fn handler_along<'a, M>(
     children: &'a [Child<M>],
@@ -356,7 +356,8 @@ pub fn subscripted<M>(tag: &'static str, letter: &str, below: &str) -> Node<M> {
     el(tag).text(letter).child(el("sub").text(below))
 }
 
-/// Text in which `V_HR` stands for V with subscript HR, and `F_1` for F with subscript 1.
+/// A text in which `V_HR` becomes V with the subscript HR, and `F_1` becomes F with the subscript
+/// 1.
 pub fn with_subscripts<M>(tag: &'static str, words: &str) -> Node<M> {
     let mut parts = words.split('_');
     let mut node = el(tag).text(parts.next().unwrap_or_default());
@@ -369,7 +370,7 @@ pub fn with_subscripts<M>(tag: &'static str, words: &str) -> Node<M> {
     node
 }
 
-/// Converts a drawing of the library to elements of a page.
+/// Converts a drawing of the library to elements of a view.
 #[must_use]
 pub fn drawn<M>(element: Element) -> Node<M> {
     let mut node = el(element.name).children(element.children.into_iter().map(drawn));
@@ -377,8 +378,8 @@ pub fn drawn<M>(element: Element) -> Node<M> {
     if element.text.is_empty() { node } else { node.text(element.text) }
 }
 
-/// The same as one piece of markup, which is cheaper than elements where a page is updated often
-/// and the drawing rarely changes.
+/// Converts a drawing to a single piece of markup. This is cheaper than elements if the page is
+/// updated often and the drawing rarely changes.
 #[must_use]
 pub fn still<M>(element: &Element) -> Node<M> {
     let mut node = el(element.name);

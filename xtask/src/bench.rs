@@ -1,4 +1,4 @@
-//! `cargo xtask bench`: benchmarks, each against its baseline in the same run.
+//! `cargo xtask bench`: benchmarks. Each compares with a baseline that is measured in the same run.
 
 pub(crate) mod peers;
 mod process;
@@ -14,12 +14,12 @@ use anyhow::Result;
 use crate::python::environment;
 use crate::workspace::{Workspace, answer_of, stage};
 
-/// Run the benchmarks; each prints a ratio against its baseline in the same run.
+/// Run the benchmarks. Each prints a ratio against a baseline that is measured in the same run.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Name of the benchmark, or a part of the names of several.
+    /// Name of the benchmark, or a part of the name of one or several benchmarks.
     name: Option<String>,
-    /// Faster, but less exact or less complete.
+    /// Run faster, but less exactly or less completely.
     #[arg(long)]
     quick: bool,
     /// Arguments for the benchmark, as in `load -- --people 10000`; `load -- --help` lists them.
@@ -47,10 +47,10 @@ const BENCHES: &[(&str, &str)] = &[
     ("wasm", "the solver as WebAssembly in Chromium against the same on this machine"),
 ];
 
-/// Runs the chosen benchmarks in sequence; stops at the first that fails.
+/// Runs the chosen benchmarks in sequence and stops at the first that fails.
 ///
 /// # Errors
-/// When cargo cannot be started or our own side fails.
+/// When cargo cannot be started or the Sidestep side of a benchmark fails.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
     let chosen = choose(options.name.as_deref());
     if chosen.is_empty() {
@@ -63,7 +63,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
             "peers" => peers::run(workspace, options.quick, &options.arguments)?,
             "learning" => learning::run(workspace)?,
             "files" => files::run(workspace, options.quick)?,
-            // These have no quick mode.
+            // `shfrs`, `playback` and `wasm` have no quick mode.
             "shfrs" => wasm::run(workspace, &[wasm::SHFRS, wasm::EVALUATION])?,
             "playback" => wasm::run(workspace, &[wasm::PLAYBACK])?,
             "wasm" => wasm::run(workspace, &[wasm::SOLVE, wasm::VALUE])?,
@@ -94,8 +94,8 @@ fn run_target(workspace: &Workspace, name: &'static str, options: &Options) -> R
 
 /// The arguments of `cargo` for the target `name`.
 fn arguments(name: &'static str, quick: bool) -> Vec<&'static str> {
-    // Criterion's options. Comparisons with earlier runs mean little: each run has its own
-    // baselines.
+    // Criterion's options. Each run has its own baselines, so comparisons with earlier runs mean
+    // little.
     let mut arguments = vec!["--bench", name, "--", "--discard-baseline"];
     if quick {
         arguments.push("--quick");
@@ -103,7 +103,8 @@ fn arguments(name: &'static str, quick: bool) -> Vec<&'static str> {
     arguments
 }
 
-/// The benchmark called `name`, otherwise those whose names contain it; all if there is no name.
+/// The benchmark called `name` or, if there is none, those whose names contain it. All benchmarks
+/// without a name.
 fn choose(name: Option<&str>) -> Vec<(&'static str, &'static str)> {
     let wanted = name.unwrap_or_default();
     let of = |fits: fn(&str, &str) -> bool| -> Vec<_> {
@@ -113,7 +114,7 @@ fn choose(name: Option<&str>) -> Vec<(&'static str, &'static str)> {
     if exact.is_empty() { of(|name, wanted| name.contains(wanted)) } else { exact }
 }
 
-/// The message that no benchmark matches, with a list of all.
+/// The error message if no benchmark matches, with a list of all benchmarks.
 fn nothing_to_run(name: Option<&str>) -> String {
     let mut message = format!(
         "expected the name of a benchmark, found \"{}\"; there are:",

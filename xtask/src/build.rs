@@ -1,4 +1,4 @@
-//! `cargo xtask build`: the client's bundle and the server, ready to run.
+//! `cargo xtask build`: builds the client's bundle and the server, ready to run.
 
 use std::time::{Duration, Instant};
 
@@ -12,7 +12,7 @@ use crate::workspace::{Runs, Workspace, stage};
 /// Writes the server to `target/release/sidestep` and the client to `target/release/site/`.
 #[derive(Default, clap::Args)]
 pub(crate) struct Options {
-    /// Build only the client: enough after a change to it or to `static/`.
+    /// Build only the client. This is enough after a change to the client or to `static/`.
     #[arg(long)]
     pub(crate) client_only: bool,
 }

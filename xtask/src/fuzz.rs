@@ -1,7 +1,8 @@
 //! `cargo xtask fuzz`: feeds generated inputs to every parser of external data.
 //!
-//! The parsers are in `tests/src/parsers.rs`. libFuzzer, which finds inputs that reach new code, is compiled from the
-//! package `libfuzzer-sys`; the flags below make stable rustc instrument the branches for it.
+//! The parsers are in `tests/src/parsers.rs`. libFuzzer searches for inputs that reach new code. It is
+//! compiled from the package `libfuzzer-sys`, and [`FLAGS`] make stable rustc insert the coverage
+//! instrumentation that it needs.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -18,13 +19,13 @@ use crate::workspace::{Workspace, output_of, stage};
 
 /// Feed generated inputs to every parser until one panics or hangs, or the time is up.
 ///
-/// Starts with the corpus in tests/data/parsers/NAME.zip. With --keep, adds inputs that reach new code or make a
-/// parser fail; a test runs the whole corpus.
+/// Starts with the corpus in tests/data/parsers/NAME.zip. With --keep, adds to it the inputs that reach new
+/// code or make a parser fail. A test runs the whole corpus.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Only this parser [default: all, in sequence].
+    /// Fuzz only this parser [default: all, in sequence].
     parser: Option<String>,
-    /// Time limit for each parser.
+    /// Time limit for each parser, in minutes.
     #[arg(long, default_value_t = 10.0)]
     minutes: f64,
     /// Add the inputs found to the corpus.
@@ -39,13 +40,13 @@ const FLAGS: &str = "-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-leve
                      -Cllvm-args=-sanitizer-coverage-trace-compares \
                      -Ccodegen-units=1 -Cdebug-assertions -Coverflow-checks";
 
-/// Maximum length of an input, bytes.
+/// Maximum length of an input (bytes).
 const LONGEST: usize = 16_384;
 
-/// Timeout for one input, s.
+/// Timeout for one input (s).
 const PATIENCE_S: u32 = 20;
 
-/// Runs the search. The exit code is 1 if a parser failed, and 2 if there is no such parser.
+/// Runs the fuzzer. The exit code is 1 if a parser failed, and 2 if no parser has the given name.
 ///
 /// # Errors
 /// When the parsers cannot be built, or the corpus cannot be read or written.
@@ -79,7 +80,7 @@ fn build(workspace: &Workspace) -> Result<std::path::PathBuf> {
     let host = version.lines().find_map(|line| line.strip_prefix("host: "));
     let host = host.context("rustc names no host")?;
     let target = workspace.output("fuzz");
-    // With an explicit target, the flags do not apply to build scripts and procedural macros.
+    // With an explicit target, cargo does not apply the flags to build scripts and procedural macros.
     let mut cargo = workspace.compile("build");
     cargo.args(["--features", "sidestep-tests/fuzz", "--example", "fuzz", "--target", host]);
     cargo.env("CARGO_TARGET_DIR", &target).env("RUSTFLAGS", FLAGS);
@@ -109,7 +110,7 @@ fn search(
     for (hash, bytes) in &kept {
         fs::write(corpus.join(hash), bytes)?;
     }
-    // Retry the failures of an earlier search, which may be fixed by now.
+    // Retry the inputs that failed in an earlier search, because the bugs may be fixed by now.
     for (hash, bytes) in read_folder(&found)? {
         fs::write(corpus.join(hash), bytes)?;
     }
@@ -148,7 +149,7 @@ fn search(
     Ok(Searched { tried, kept: all.len(), found: failures.len() })
 }
 
-/// The files of a folder, by the hash of their content.
+/// Reads the files of a folder, keyed by the hash of their content.
 fn read_folder(folder: &Path) -> Result<BTreeMap<String, Vec<u8>>> {
     let mut all = BTreeMap::new();
     for entry in fs::read_dir(folder)? {

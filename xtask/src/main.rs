@@ -1,11 +1,11 @@
 //! `cargo xtask`: one command for each task in this workspace.
 //!
-//! Each command is in a file of its name, which reads from top to bottom. They share [`workspace`]
-//! (paths, and running cargo) and [`site`] (from `static/` and the compiled client to the served
-//! folder).
+//! Each command has a file of the same name, which reads from top to bottom. The commands share [`workspace`]
+//! (paths, and calls of cargo) and [`site`] (which makes the served folder from `static/` and the compiled
+//! client).
 //!
-//! Progress goes to stderr, results to stdout. The exit code is 0, 1 for a failure, 2 for a wrong
-//! command line; `test` and `bench` return the runner's.
+//! Progress goes to stderr, results go to stdout. The exit code is 0 for success, 1 for a failure and 2 for a
+//! wrong command line; `test` and `bench` return the exit code of the program they run.
 
 #![allow(clippy::print_stdout, reason = "a command-line tool answers on standard output")]
 

@@ -11,8 +11,8 @@ use crate::workspace::{Workspace, stage};
 /// Environment variable with the path of the Python that creates environments.
 pub(crate) const PYTHON: &str = "SIDESTEP_PYTHON";
 
-/// The interpreter of the environment `name` with the packages in `requirements` (a file in `tests/peers`). The
-/// environment is created once, and again when the requirements change.
+/// Returns the Python interpreter of the environment `name`, which has the packages in `requirements` (a file
+/// in `tests/peers`). Creates the environment on first use and again when the requirements change.
 pub(crate) fn environment(
     workspace: &Workspace,
     requirements: &str,
@@ -27,7 +27,7 @@ pub(crate) fn environment(
 fn prepared(workspace: &Workspace, requirements: &str, name: &str) -> Result<PathBuf> {
     let requirements = workspace.path("tests/peers").join(requirements);
     let folder = workspace.output("peers").join(name);
-    // Copied after the installation, so that an incomplete environment is never used.
+    // This copy is written after the installation, so that an incomplete environment is never used.
     let installed = folder.join("requirements.txt");
     let program = if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" };
     let interpreter = folder.join(program);

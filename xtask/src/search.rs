@@ -17,17 +17,17 @@ use crate::workspace::{Workspace, answer_of, stage};
 /// Run property tests with random seeds until one fails or the time is up.
 ///
 /// The command prints the seed and the smallest failing case. Proptest also writes the case to a
-/// `.proptest-regressions` file: commit that file, or write the case as a separate test.
+/// `.proptest-regressions` file. Commit that file, or turn the case into a separate test.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Only property tests whose name contains this.
+    /// Run only the property tests whose name contains this text.
     name: Option<String>,
-    /// Time limit.
+    /// Time limit, in minutes.
     #[arg(long, default_value_t = 10.0)]
     minutes: f64,
 }
 
-/// Runs the search. The exit code is 1 for a failing case, and 2 if no property test matches the
+/// Runs the search. The exit code is 1 if a case fails, and 2 if no property test has a matching
 /// name.
 ///
 /// # Errors
@@ -75,7 +75,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
 #[derive(Debug, PartialEq)]
 struct Property {
     name: String,
-    /// The arguments of `cargo test` that select its executable.
+    /// The arguments of `cargo test` that select the test's executable.
     target: Vec<String>,
 }
 
@@ -96,7 +96,7 @@ fn collect(folder: &Path, found: &mut Vec<Property>) -> Result<()> {
     Ok(())
 }
 
-/// The target of a source file: the library, or a file or folder of `tests/`.
+/// The cargo target that contains a source file: the library, or a file or folder of `tests/`.
 fn target_of(path: &Path) -> Vec<String> {
     let parts: Vec<_> = path.iter().map(|part| part.to_string_lossy().into_owned()).collect();
     match parts.iter().rposition(|part| part == "tests") {
@@ -107,7 +107,8 @@ fn target_of(path: &Path) -> Vec<String> {
     }
 }
 
-/// The functions in `proptest!` blocks. Such a block must be the last item of its module.
+/// The names of the functions in `proptest!` blocks. A `proptest!` block must be the last item of
+/// its module.
 fn names(text: &str) -> impl Iterator<Item = String> + '_ {
     let blocks = text.split("proptest! {").skip(1);
     let functions = blocks.flat_map(|block| block.split("#[test]").skip(1));

@@ -1,4 +1,5 @@
-//! `cargo xtask semver`: checks whether changes of the library's public interface fit its version.
+//! `cargo xtask semver`: checks whether changes to the library's public interface fit its version
+//! number.
 
 use std::process::{Command, ExitCode, Stdio};
 
@@ -6,17 +7,18 @@ use anyhow::{Context, Result, bail};
 
 use crate::workspace::{Workspace, answer_of, output_of};
 
-/// Compare the library's public interface with that of an earlier revision, by cargo-semver-checks.
+/// Compare the library's public interface with that of an earlier revision, using
+/// cargo-semver-checks.
 ///
 /// Reports the changes that need a new major or minor version.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// The revision to compare with [default: the last tag].
+    /// The git revision to compare with [default: the last tag].
     #[arg(long, value_name = "REVISION")]
     since: Option<String>,
 }
 
-/// Runs the comparison. The exit code is that of cargo-semver-checks.
+/// Runs the comparison and returns the exit code of cargo-semver-checks.
 ///
 /// # Errors
 /// When cargo-semver-checks is missing, or there is neither a revision nor a tag.

@@ -1,4 +1,4 @@
-//! `cargo xtask serve`: builds, then becomes the server.
+//! `cargo xtask serve`: builds everything, then replaces itself with the server.
 
 use std::ffi::OsString;
 use std::process::{Command, ExitCode};
@@ -28,7 +28,8 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     become_process(&mut server)
 }
 
-/// Replaces this process, so that the server receives signals and returns the exit code itself.
+/// Replaces this process with the server, so that the server itself receives signals and returns
+/// the exit code.
 #[cfg(unix)]
 fn become_process(command: &mut Command) -> Result<ExitCode> {
     use std::os::unix::process::CommandExt;
@@ -36,7 +37,7 @@ fn become_process(command: &mut Command) -> Result<ExitCode> {
     Err(anyhow::Error::new(error).context(cannot_start(command)))
 }
 
-/// Runs the server to its end, on systems where a process cannot be replaced.
+/// Runs the server until it ends, on systems where a process cannot be replaced.
 #[cfg(not(unix))]
 fn become_process(command: &mut Command) -> Result<ExitCode> {
     crate::workspace::answer_of(command)

@@ -1,5 +1,5 @@
-//! The client's site: from `static/` and the compiled client to the folder that
-//! the server serves.
+//! The client's site: makes the folder that the server serves from `static/` and the compiled
+//! client.
 //!
 //! ```text
 //! read_static ─┐
@@ -26,7 +26,7 @@ pub(crate) use self::bundle::{Bundle, bundle};
 pub(crate) use self::publish::publish;
 use crate::workspace::Runs;
 
-/// The programs of the web client: its binary targets, and where each runs.
+/// The programs of the web client (its binary targets), and where each of them runs.
 pub(crate) const ENTRIES: [(&str, Runs); 8] = [
     (PARTICIPANT, Runs::InPage),
     ("lab", Runs::InPage),
@@ -38,50 +38,52 @@ pub(crate) const ENTRIES: [(&str, Runs); 8] = [
     (EVALUATOR, Runs::InWorker),
 ];
 
-/// The programs that pages start as they load.
+/// The programs that pages start when they load.
 pub(crate) const PAGE_ENTRIES: [&str; 5] = [PARTICIPANT, "lab", "viewer", "reachability", "demo"];
 
-/// The entry that every participant downloads.
+/// The program that every participant downloads.
 const PARTICIPANT: &str = "participant";
 
-/// The entry that a page references, but starts (in a worker) only when it needs it.
+/// The program that computes value functions. Pages reference it but start it (in a worker) only
+/// when they need it.
 pub(crate) const SOLVER: &str = "solver";
 
-/// The entry that a page references, but starts (in a worker) only to evaluate and tune predicted
-/// sets.
+/// The program that evaluates and tunes predicted sets. Pages reference it but start it (in a
+/// worker) only for that.
 pub(crate) const EVALUATOR: &str = "evaluator";
 
-/// The entry that a page references, but starts only for a simulated participant.
+/// The program that simulates a participant. Pages reference it but start it only for a simulated
+/// participant.
 const SIMULATOR: &str = "simulator";
 
-/// Size budget of a participant's page, bytes: html, css, js and wasm, compressed with brotli.
+/// Size budget of a participant's page (bytes): html, css, js and wasm, compressed with brotli.
 const PARTICIPANT_BUDGET: usize = 80_000;
 
-/// Size budget of any other page, likewise.
+/// Size budget of any other page (bytes).
 const PAGE_BUDGET: usize = 400_000;
 
-/// Files by relative path, with `/` as separator.
+/// The content of files by relative path, with `/` as separator.
 pub(crate) type Files = BTreeMap<String, Vec<u8>>;
 
-/// All files of the site, and what its pages load.
+/// All files of the site, and the assets that each page loads.
 pub(crate) struct Site {
     /// The served files, before compression.
     pub(crate) files: Files,
-    /// The html files, and the programs that pages start on demand.
+    /// The html pages, and one entry for each program that pages start on demand.
     pages: Vec<Page>,
 }
 
 /// A page and its references.
 struct Page {
-    /// Its file.
+    /// Path of its file.
     name: String,
-    /// The client's programs that it starts.
+    /// The client's programs that the page starts when it loads.
     entries: Vec<&'static str>,
-    /// The files that it loads.
+    /// The paths of the files that the page loads.
     assets: BTreeSet<String>,
 }
 
-/// Reads `static/` with its sub-folders, without hidden files.
+/// Reads `static/` and its sub-folders, except hidden files.
 ///
 /// # Errors
 /// When the folder or a file in it cannot be read.
@@ -91,7 +93,7 @@ pub(crate) fn read_static(folder: &Path) -> Result<Files> {
     Ok(files)
 }
 
-/// Adds the files of `folder`, whose path below `static/` is `prefix`.
+/// Adds the files of `folder`. `prefix` is the path of `folder` within `static/`.
 fn collect(folder: &Path, prefix: &str, files: &mut Files) -> Result<()> {
     let entries =
         fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
@@ -114,10 +116,10 @@ fn collect(folder: &Path, prefix: &str, files: &mut Files) -> Result<()> {
     Ok(())
 }
 
-/// Names every asset after its content and inserts these names into the pages.
+/// Adds a content hash to the name of every asset and inserts these names into the pages.
 ///
 /// # Errors
-/// For a page or style sheet that is not UTF-8 or refers to a missing asset.
+/// If a page or style sheet is not UTF-8 or refers to a missing asset.
 pub(crate) fn compose(sources: Files, bundles: Vec<Bundle>) -> Result<Site> {
     let mut files = Files::new();
     // Placeholder name → path of the asset.
@@ -151,7 +153,7 @@ pub(crate) fn compose(sources: Files, bundles: Vec<Bundle>) -> Result<Site> {
         files.insert(name.clone(), filled.text.into_bytes());
         pages.push(page(name, &filled.used, &assets));
     }
-    // Listed like pages, because they are loaded separately.
+    // Programs started on demand are listed like pages, because they are loaded separately.
     for entry in [SOLVER, EVALUATOR, SIMULATOR] {
         let files = [format!("{entry}.js"), format!("{entry}.wasm")];
         let files = files.iter().filter_map(|name| assets.get(name).cloned()).collect();
@@ -160,7 +162,7 @@ pub(crate) fn compose(sources: Files, bundles: Vec<Bundle>) -> Result<Site> {
     Ok(Site { files, pages })
 }
 
-/// Adds `content` under a name with its hash.
+/// Adds `content` as an asset whose file name contains its hash.
 fn add_asset(
     files: &mut Files,
     assets: &mut BTreeMap<String, String>,
@@ -172,8 +174,8 @@ fn add_asset(
     assets.insert(name, path);
 }
 
-/// A page loads the assets that it references and the wasm of each program that it starts, but not
-/// that of programs started on demand.
+/// Lists what a page loads: the assets that it references and the wasm of each program that it
+/// starts. Programs that are started on demand do not count.
 fn page(name: String, used: &BTreeSet<String>, assets: &BTreeMap<String, String>) -> Page {
     let entries: Vec<&str> =
         PAGE_ENTRIES.into_iter().filter(|entry| used.contains(&format!("{entry}.js"))).collect();
@@ -191,19 +193,19 @@ fn utf8(name: &str, content: Vec<u8>) -> Result<String> {
         .with_context(|| format!("static/{name}: expected UTF-8: save it in that encoding"))
 }
 
-/// Download size of a page, bytes after brotli.
+/// Download size of a page (bytes), compressed with brotli.
 pub(crate) struct PageSize {
-    /// The page's file.
+    /// Path of the page's file.
     pub(crate) name: String,
-    /// The page itself.
+    /// Size of the html file.
     pub(crate) html: usize,
-    /// Its style sheets.
+    /// Total size of the style sheets.
     pub(crate) css: usize,
-    /// Its scripts.
+    /// Total size of the scripts.
     pub(crate) js: usize,
-    /// Its programs.
+    /// Total size of the wasm programs.
     pub(crate) wasm: usize,
-    /// Its size budget; programs that pages start on demand have none.
+    /// Size budget. `None` for programs that pages start on demand.
     pub(crate) budget: Option<usize>,
 }
 
@@ -213,13 +215,13 @@ impl PageSize {
         self.html + self.css + self.js + self.wasm
     }
 
-    /// Whether it exceeds its size budget.
+    /// Whether the page exceeds its size budget.
     pub(crate) fn is_over_budget(&self) -> bool {
         self.budget.is_some_and(|budget| self.total() > budget)
     }
 }
 
-/// The download size of each page, given the sizes of all files after brotli.
+/// Computes the download size of each page from the brotli-compressed sizes of all files.
 pub(crate) fn page_sizes(site: &Site, sizes: &BTreeMap<String, usize>) -> Vec<PageSize> {
     let brotli = |path: &str| sizes.get(path).copied().unwrap_or(0);
     let size = |page: &Page| {
@@ -246,7 +248,7 @@ pub(crate) fn page_sizes(site: &Site, sizes: &BTreeMap<String, usize>) -> Vec<Pa
 mod tests {
     use super::*;
 
-    /// The site of these sources and a tiny client.
+    /// Composes a site from these sources and a tiny client.
     fn composed(sources: &[(&str, &str)]) -> Result<Site> {
         let sources = sources
             .iter()
@@ -260,7 +262,7 @@ mod tests {
         compose(sources, bundles.into())
     }
 
-    /// The path of the only asset with this start and end.
+    /// The path of the only asset whose path has this start and end.
     fn asset<'a>(site: &'a Site, start: &str, end: &str) -> &'a str {
         let start = format!("assets/{start}-");
         let mut found =

@@ -1,4 +1,4 @@
-//! `cargo xtask test`: all tests and their prerequisites.
+//! `cargo xtask test`: runs all tests, and installs what they need.
 
 mod lanes;
 mod programs;
@@ -21,13 +21,13 @@ use crate::workspace::{Runs, Workspace, answer_of, stage};
 /// Run all tests, after installing their prerequisites where possible.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Use a temporary PostgreSQL cluster for the servers' databases, instead of files.
+    /// Store the servers' databases in a temporary PostgreSQL cluster instead of files.
     #[arg(long)]
     postgres: bool,
     /// Test only the Python package.
     #[arg(long, conflicts_with_all = ["postgres", "arguments"])]
     python: bool,
-    /// Also run `cargo xtask check`, in parallel with tests that wait.
+    /// Also run `cargo xtask check`, in parallel with the tests that mostly wait.
     #[arg(long, conflicts_with_all = ["python", "arguments"])]
     check: bool,
     /// Arguments for `cargo test`, as in `-- --test browser`.
@@ -35,11 +35,11 @@ pub(crate) struct Options {
     arguments: Vec<OsString>,
 }
 
-/// Browser test files that run on both kinds of database: their pages write every kind of row and show
-/// other clients' changes. The other files test only the browser.
+/// Browser test files that run on both kinds of database, because their pages write every kind of row and
+/// show the changes of other clients. The other files test only the browser.
 const ON_BOTH: [&str; 2] = ["studies", "scenes"];
 
-/// API tests of commands without a database, which need to run only once.
+/// API tests of commands that use no database. They run only once.
 const WITHOUT_DATABASE: [&str; 8] = [
     "analyze::the_comparison_is_that_of_scikit_learn",
     "analyze_input::",
@@ -55,13 +55,13 @@ const WITHOUT_DATABASE: [&str; 8] = [
 /// used unchanged.
 pub(crate) const VARIABLE: &str = "SIDESTEP_CHROMIUM";
 
-/// Commands that start Chromium, best first.
+/// Commands that start Chromium, in order of preference.
 const COMMANDS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
-/// Debian's packages for it.
+/// Debian's packages for Chromium.
 const PACKAGES: [&str; 2] = ["chromium", "fonts-dejavu-core"];
 
-/// Prepares, builds and tests. Ends with the runner's output and returns its exit code.
+/// Prepares, builds and tests. Passes the output of the tests through and returns their exit code.
 ///
 /// # Errors
 /// When a prerequisite is missing and cannot be installed, or the build fails.
@@ -79,7 +79,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     }
     let readers = readers(workspace)?;
     let is_whole = options.arguments.is_empty();
-    // In that case the server is compiled with the tests.
+    // In a whole run, the server is compiled with the tests.
     build::run(workspace, &build::Options { client_only: is_whole })?;
     let mut needs: Vec<(&str, PathBuf)> = Vec::new();
     for (variable, example) in PAGES {
@@ -127,7 +127,8 @@ fn whole(
     let (browser, api) = (named("tests", "browser")?, named("tests", "api")?);
     let threads = thread::available_parallelism().map_or(1, usize::from).max(AT_ONCE).to_string();
     let threads = ["--test-threads", &threads];
-    // The servers' use of their database is tested on both kinds. On files, tests that need PostgreSQL are ignored.
+    // The servers' use of the database is tested on SQLite files and on PostgreSQL. On files, tests that need
+    // PostgreSQL are ignored.
     let [studies, scenes] = ON_BOTH.map(|file| format!("{file}::"));
     let skipped = WITHOUT_DATABASE.map(|of| ["--skip", of]).concat();
     let on_both = [&threads[..], &[&studies, &scenes]].concat();
@@ -162,11 +163,11 @@ fn whole(
     lanes::run(waiting, computing, &workspace.output("tests"))
 }
 
-/// Number of tests with servers and browsers that run at once, even on few processors, because they wait
-/// for scenes, for each other and for disks.
+/// Minimum number of tests with servers and browsers that run at once. It applies even with few processors,
+/// because these tests mostly wait for scenes, for each other and for disks.
 const AT_ONCE: usize = 4;
 
-/// Installs the Python package in an environment and runs its tests, which also run the server.
+/// Installs the Python package into an environment and runs its tests, which also run the server.
 fn python_package(workspace: &Workspace) -> Result<ExitCode> {
     let python = tested_python(workspace)?;
     let wheel = wheel::build(workspace)?;
@@ -183,7 +184,7 @@ fn python_package(workspace: &Workspace) -> Result<ExitCode> {
 /// The example that runs a command with its own PostgreSQL cluster.
 const CLUSTER: &str = "with_postgres";
 
-/// Wraps `command` in the outer command with these words.
+/// Wraps `command` in an outer command, as the last arguments of `words`.
 fn within(words: &[&OsStr], command: &Command) -> Command {
     let mut outer = Command::new(words[0]);
     outer.args(&words[1..]).arg(command.get_program()).args(command.get_args());
@@ -194,12 +195,12 @@ fn within(words: &[&OsStr], command: &Command) -> Command {
     outer
 }
 
-/// Examples of the client that tests open as pages (computations in WebAssembly, and every kind of
-/// form field), each with the environment variable for its page's path.
+/// Examples of the client that tests open as pages (computations in WebAssembly, and every kind of form
+/// field). Each has the environment variable for the path of its page.
 const PAGES: &[(&str, &str)] =
     &[("SIDESTEP_FINGERPRINT_PAGE", "fingerprint"), ("SIDESTEP_FORMS_PAGE", "forms")];
 
-/// Builds a page that contains an example.
+/// Builds an example and writes a page that contains it.
 fn example_page(workspace: &Workspace, example: &'static str) -> Result<PathBuf> {
     let mut build = workspace.compile_for_browsers("build", Runs::InPage);
     stage(example, build.args(["--example", example]))?;
@@ -216,7 +217,7 @@ fn example_page(workspace: &Workspace, example: &'static str) -> Result<PathBuf>
 /// The path of an installed Chromium.
 ///
 /// # Errors
-/// With instructions for installing it, or if the environment variable is wrong.
+/// If Chromium is missing (with instructions for installing it), or if the environment variable is wrong.
 pub(crate) fn chromium() -> Result<PathBuf> {
     find_chromium()?.with_context(how_to_install)
 }
@@ -235,7 +236,7 @@ fn find_chromium() -> Result<Option<PathBuf>> {
     Ok(Some(path))
 }
 
-/// Installs packages with apt, where that works without a prompt.
+/// Installs packages with apt, if that works without a prompt.
 fn install(packages: &[&str], otherwise: fn() -> String) -> Result<()> {
     if on_path(&["apt-get"]).is_none() || !is_root() {
         bail!(otherwise());
@@ -251,11 +252,11 @@ fn install(packages: &[&str], otherwise: fn() -> String) -> Result<()> {
     Ok(())
 }
 
-/// Debian's packages for the environment of servers in tests: PostgreSQL, of which tests start their own
-/// servers, a fake clock, and the proxies of `docs/deploy`.
+/// Debian's packages for the environment of servers in tests: PostgreSQL (tests start their own servers of
+/// it), a fake clock, and the proxies of `docs/deploy`.
 const SURROUNDINGS: [&str; 4] = ["postgresql", "libfaketime", "nginx", "haproxy"];
 
-/// Whether all of these are installed.
+/// Whether all [`SURROUNDINGS`] are installed.
 fn has_surroundings() -> bool {
     // Debian installs servers in /usr/sbin, which is only on root's PATH.
     let has = |program: &str| {
@@ -267,8 +268,8 @@ fn has_surroundings() -> bool {
         && has("haproxy")
 }
 
-/// Whether a sub-folder of `folder` contains `file`: Debian has one sub-folder per version of
-/// PostgreSQL, and one per architecture for libraries.
+/// Whether a sub-folder of `folder` contains `file`. Debian has one sub-folder per version of PostgreSQL and,
+/// for libraries, one per architecture.
 fn has_in(folder: &str, file: &str) -> bool {
     let inside = fs::read_dir(folder).into_iter().flatten().flatten();
     inside.map(|entry| entry.path().join(file)).any(|path| is_program(&path))
@@ -284,10 +285,10 @@ fn how_to_install_surroundings() -> String {
 /// Environment variable with the path of a Python that has the packages for reading exports.
 const READERS: &str = "SIDESTEP_READERS";
 
-/// Debian's packages for Python with environments.
+/// Debian's packages for Python and its virtual environments.
 const PYTHON_PACKAGES: [&str; 2] = ["python3", "python3-venv"];
 
-/// That Python: an environment with pandas, polars and pyarrow from PyPI.
+/// The Python for [`READERS`]: an environment with pandas, polars and pyarrow from PyPI.
 fn readers(workspace: &Workspace) -> Result<PathBuf> {
     installed(workspace, "readers-requirements.txt", "readers")
 }
@@ -297,14 +298,14 @@ fn tested_python(workspace: &Workspace) -> Result<PathBuf> {
     installed(workspace, "python-requirements.txt", "python")
 }
 
-/// An environment; installs Python if necessary.
+/// Creates an environment, and installs Python first if necessary.
 fn installed(workspace: &Workspace, requirements: &str, name: &str) -> Result<PathBuf> {
     let made = || environment(workspace, requirements, name);
     let found = env::var_os(PYTHON).is_some() || on_path(&["python3"]).is_some();
     if let Some(Ok(python)) = found.then(made) {
         return Ok(python);
     }
-    // Python is missing or cannot create environments, like Debian's without python3-venv.
+    // Python is missing or cannot create environments. On Debian, that needs python3-venv.
     install(&PYTHON_PACKAGES, how_to_install_python)?;
     made()
 }
@@ -317,7 +318,7 @@ fn how_to_install_python() -> String {
     )
 }
 
-/// Instructions for users for whom this command cannot install packages.
+/// Instructions for users for whom this command cannot install Chromium.
 fn how_to_install() -> String {
     format!(
         "Chromium is needed: install it (Debian, Ubuntu: apt-get install {}) or set {VARIABLE} to \
@@ -341,12 +342,12 @@ fn first_in(folders: &[PathBuf], commands: &[&str]) -> Option<PathBuf> {
     candidates.into_iter().find(|path| is_program(path))
 }
 
-/// Whether this is a file.
+/// Whether this is the absolute path of a file.
 fn is_program(path: &Path) -> bool {
     path.is_absolute() && path.is_file()
 }
 
-/// Whether packages may be installed without asking.
+/// Whether this user is root and may install packages without a prompt.
 fn is_root() -> bool {
     Command::new("id").arg("-u").output().is_ok_and(|output| output.stdout.trim_ascii() == b"0")
 }
@@ -371,7 +372,7 @@ mod tests {
         );
     }
 
-    /// A filter without matches would pass.
+    /// A test filter without matches would also pass.
     #[test]
     fn the_browser_tests_of_both_databases_are_there() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/tests/browser");

@@ -1,8 +1,8 @@
 //! `cargo xtask validate`: measures the library's accuracy and writes the pages about it.
 //!
-//! For each page, an example of the library, or of the browser tests, measures, draws the pictures and prints its
-//! numbers as JSON. This command stores them in `docs/validation/measured` and fills a template of
-//! `docs/validation/templates` with them.
+//! For each page, an example of the library or of the browser tests runs the measurements, draws the pictures
+//! and prints its numbers as JSON. This command stores the numbers in `docs/validation/measured` and fills a
+//! template of `docs/validation/templates` with them.
 
 mod figure3;
 mod peers;
@@ -19,31 +19,30 @@ use serde_json::Value;
 use crate::workspace::{Workspace, output_of, stage};
 use crate::{build, test};
 
-/// Measure value functions, reachable sets and learning against closed forms, references and
-/// peers, and the time of the participant's page; write the pages of docs/validation and
-/// docs/timing.md.
+/// Measure value functions, reachable sets and learning against closed forms, references and peers, and the
+/// timing of the participant's page; write the pages of docs/validation and docs/timing.md.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// The page to write [default: all pages].
     #[arg(value_enum)]
     page: Option<Page>,
-    /// Also measure other solvers again. This takes minutes and needs an idle machine.
+    /// Also repeat the measurements of other solvers. This takes minutes and needs an idle machine.
     #[arg(long)]
     peers: bool,
-    /// Measure nothing: write the pages from the stored numbers, after a change of wording.
+    /// Measure nothing, and write the pages from the stored numbers. Use this after a change of wording.
     #[arg(long, conflicts_with = "peers")]
     kept: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Page {
-    /// Value functions: reachability.md.
+    /// Value functions: writes reachability.md.
     Reachability,
-    /// Reachable sets and their probabilities: shfrs.md.
+    /// Reachable sets and their probabilities: writes shfrs.md.
     Shfrs,
-    /// Models, the comparison and its tests: learning.md.
+    /// Models, the comparison and its tests: writes learning.md.
     Learning,
-    /// The participant's page in a browser: ../timing.md. This takes ten minutes and needs an idle
+    /// The participant's page in a browser: writes ../timing.md. This takes ten minutes and needs an idle
     /// machine.
     Timing,
 }
@@ -70,7 +69,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
 }
 
 impl Page {
-    /// The page in `docs`, the folder of pages and pictures.
+    /// The path of the page. `docs` is the folder of pages and pictures.
     fn file(self, docs: &Path) -> PathBuf {
         match self {
             Self::Timing => docs.with_file_name("timing.md"),
@@ -86,7 +85,7 @@ impl Page {
         docs.join(format!("measured/{self:?}.json").to_lowercase())
     }
 
-    /// The last measured numbers.
+    /// Reads the stored numbers of the last measurement.
     fn kept(self, docs: &Path) -> Result<Value> {
         let path = self.measured(docs);
         serde_json::from_str(&read(&path)?).with_context(|| path.display().to_string())
@@ -124,7 +123,7 @@ impl Page {
         write(&self.measured(docs), &format!("{found:#}\n"))
     }
 
-    /// The page, from the stored numbers.
+    /// Renders the page from the stored numbers.
     fn text(self, docs: &Path) -> Result<String> {
         let template = self.template(docs);
         template::filled(&read(&template)?, self.kept(docs)?)
@@ -132,7 +131,7 @@ impl Page {
     }
 }
 
-/// The JSON output of a program; `what` is its name in errors.
+/// Parses the JSON output of a program. `what` names the program in errors.
 fn answer(what: &str, program: &mut Command) -> Result<Value> {
     let text = output_of(what, program)?;
     serde_json::from_str(&text).with_context(|| format!("{what} printed invalid JSON"))

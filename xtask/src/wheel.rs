@@ -1,4 +1,4 @@
-//! `cargo xtask wheel`: the Python package.
+//! `cargo xtask wheel`: builds the Python package.
 
 use std::fs;
 use std::path::PathBuf;
@@ -24,7 +24,7 @@ pub(crate) fn run(workspace: &Workspace) -> Result<()> {
 pub(crate) fn build(workspace: &Workspace) -> Result<PathBuf> {
     let python = environment(workspace, "wheel-requirements.txt", "wheel")?;
     let folder = workspace.output("wheels");
-    // Remove wheels of other versions, so that exactly one is found.
+    // Remove the wheels of other versions, so that exactly one wheel is found below.
     if folder.exists() {
         fs::remove_dir_all(&folder)
             .with_context(|| format!("cannot remove {}", folder.display()))?;

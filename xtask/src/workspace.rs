@@ -13,22 +13,22 @@ pub(crate) const WASM_TARGET: &str = "wasm32-unknown-unknown";
 /// Where a program of the web client runs, which decides how it is compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Runs {
-    /// In a page, which appears once the program is loaded: optimized for size.
+    /// In a page, which appears only when the program is loaded. Optimized for size.
     InPage,
-    /// In a worker that computes for a page: optimized for speed.
+    /// In a worker that computes for a page. Optimized for speed.
     InWorker,
 }
 
-/// The folders used by every command.
+/// The folders that every command uses.
 pub(crate) struct Workspace {
-    /// The folder of the top `Cargo.toml`.
+    /// The folder of the workspace's `Cargo.toml`.
     root: PathBuf,
-    /// Cargo's output folder, as set by environment or configuration.
+    /// Cargo's output folder, which the environment or cargo's configuration may set.
     target: PathBuf,
 }
 
 impl Workspace {
-    /// Locates the workspace by asking cargo; works from any folder.
+    /// Locates the workspace. Works from any working directory.
     ///
     /// # Errors
     /// When cargo cannot read the workspace, or `Cargo.lock` is out of date.
@@ -65,7 +65,7 @@ impl Workspace {
         self.root.join(relative)
     }
 
-    /// The wasm that cargo compiled from `entry` of the web client.
+    /// The path of the wasm file that cargo compiles from `entry` of the web client.
     pub(crate) fn compiled_client(&self, entry: &str) -> PathBuf {
         self.target.join(WASM_TARGET).join("release").join(entry).with_extension("wasm")
     }
@@ -80,37 +80,37 @@ impl Workspace {
         self.target.join("release").join(format!("sidestep{}", env::consts::EXE_SUFFIX))
     }
 
-    /// An example's executable.
+    /// The executable of an example.
     pub(crate) fn example(&self, name: &str) -> PathBuf {
         let file = format!("{name}{}", env::consts::EXE_SUFFIX);
         self.target.join("release").join("examples").join(file)
     }
 
-    /// A folder in cargo's output folder for the files of an xtask command.
+    /// A folder within cargo's output folder, for the files of an xtask command.
     pub(crate) fn output(&self, name: &str) -> PathBuf {
         self.target.join(name)
     }
 
-    /// A call of a cargo command that compiles, such as `build` or `test`.
+    /// Returns a call of a cargo command that compiles, such as `build` or `test`.
     ///
-    /// Every call selects all members and the same profile, so that cargo resolves the same
-    /// dependency features for all calls and compiles no dependency twice.
+    /// Every call selects all workspace members and the same profile. Cargo then resolves the same dependency
+    /// features for all calls and compiles no dependency twice.
     pub(crate) fn compile(&self, command: &str) -> Command {
         let mut cargo = cargo_in(&self.root);
         cargo.args([command, "--locked", "--profile", "release", "--workspace"]);
         cargo
     }
 
-    /// A call of a cargo command that compiles only the library, with the features that the caller
-    /// adds.
+    /// Returns a call of a cargo command that compiles only the library. The caller adds the arguments that
+    /// select features.
     pub(crate) fn compile_library(&self, command: &str) -> Command {
         let mut cargo = cargo_in(&self.root);
         cargo.args([command, "--locked", "--profile", "release", "--package", "sidestep", "--lib"]);
         cargo
     }
 
-    /// [`Self::compile`] for browsers, with the settings of `.cargo/client.toml` and, for a worker, of
-    /// `.cargo/worker.toml`.
+    /// Like [`Self::compile`], but for browsers, with the settings of `.cargo/client.toml` and, for a worker,
+    /// also of `.cargo/worker.toml`.
     pub(crate) fn compile_for_browsers(&self, command: &str, runs: Runs) -> Command {
         let mut cargo = self.compile(command);
         cargo.args(["--target", WASM_TARGET, "--config"]).arg(self.path(".cargo/client.toml"));
@@ -121,32 +121,32 @@ impl Workspace {
         cargo
     }
 
-    /// A program that calls cargo itself, with the same output folder.
+    /// A call of a program that itself calls cargo, with the same output folder.
     pub(crate) fn beside_cargo(&self, program: &Path) -> Command {
         let mut command = Command::new(program);
         command.current_dir(&self.root).env("CARGO_TARGET_DIR", &self.target);
         command
     }
 
-    /// `cargo metadata` for the packages of all builds.
+    /// Returns a call of `cargo metadata` for the packages of all builds.
     pub(crate) fn metadata(&self) -> Command {
         let mut cargo = cargo_in(&self.root);
         cargo.args(["metadata", "--locked", "--format-version=1"]);
         cargo
     }
 
-    /// `cargo fmt` for all members.
+    /// Returns a call of `cargo fmt` for all workspace members.
     pub(crate) fn format(&self) -> Command {
         let mut cargo = cargo_in(&self.root);
         cargo.args(["fmt", "--all"]);
         cargo
     }
 
-    /// Adds the standard library for browsers to the toolchain, if it is missing: rustup does not
+    /// Adds the standard library for browsers to the toolchain if it is missing, because rustup does not
     /// always do so automatically.
     ///
     /// # Errors
-    /// When it is missing, and rustup is also missing or cannot add it.
+    /// When the standard library is missing, and rustup is also missing or cannot add it.
     pub(crate) fn ensure_wasm_target(&self) -> Result<()> {
         let mut ask = Command::new(env::var_os("RUSTC").unwrap_or_else(|| "rustc".into()));
         ask.args(["--print", "target-libdir", "--target", WASM_TARGET]).current_dir(&self.root);
@@ -164,8 +164,8 @@ impl Workspace {
     }
 }
 
-/// Settings that remove this machine's paths from the client's messages: the client is smaller, and
-/// the same on every build machine.
+/// Settings that remove the paths of this machine from the client's panic messages. The client becomes
+/// smaller, and the same on every build machine.
 fn without_paths(root: &Path) -> String {
     let home = || env::home_dir().unwrap_or_default().join(".cargo");
     let sources = env::var_os("CARGO_HOME").map_or_else(home, PathBuf::from).join("registry/src");
@@ -173,12 +173,12 @@ fn without_paths(root: &Path) -> String {
     format!("target.{WASM_TARGET}.rustflags = [{}, {}]", flag(&sources), flag(root))
 }
 
-/// The cargo that started this program.
+/// Returns a call of the cargo that started this program.
 fn cargo_in(folder: &Path) -> Command {
     let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(folder);
-    // Remove cargo's variables about the package `xtask`. Some build scripts depend on them, so these scripts
-    // and their dependents would be recompiled after every direct call of cargo, and again here.
+    // Remove cargo's variables about the package `xtask`. Some build scripts depend on them, so cargo would
+    // recompile these scripts and their dependents after every direct call of cargo, and again here.
     for (name, _) in env::vars_os() {
         let text = name.to_string_lossy();
         if text.starts_with("CARGO_PKG_") || text.starts_with("CARGO_MANIFEST_") {
@@ -188,10 +188,10 @@ fn cargo_in(folder: &Path) -> Command {
     command
 }
 
-/// Runs one stage of a command, prints its name, and returns its duration.
+/// Prints the name of a stage, runs its command and returns its duration.
 ///
 /// # Errors
-/// When it cannot be started or fails; the message names the stage.
+/// When the command cannot be started or fails. The error names the stage.
 pub(crate) fn stage(name: &str, command: &mut Command) -> Result<Duration> {
     eprintln!("==> {name}");
     let start = Instant::now();
@@ -214,7 +214,7 @@ pub(crate) fn stage(name: &str, command: &mut Command) -> Result<Duration> {
 /// When it cannot be started.
 pub(crate) fn answer_of(command: &mut Command) -> Result<ExitCode> {
     let status = status(command)?;
-    // A process that was killed by a signal has no code.
+    // A process that was killed by a signal has no exit code.
     let code = status.code().and_then(|code| u8::try_from(code).ok());
     Ok(code.map_or(ExitCode::FAILURE, ExitCode::from))
 }
@@ -222,7 +222,7 @@ pub(crate) fn answer_of(command: &mut Command) -> Result<ExitCode> {
 /// Runs a command and returns its stdout; stderr is inherited.
 ///
 /// # Errors
-/// When it cannot be started or fails, or its output is not UTF-8; the message names `what`.
+/// When the command cannot be started or fails, or its output is not UTF-8. The error names `what`.
 pub(crate) fn output_of(what: &str, command: &mut Command) -> Result<String> {
     command.stdin(Stdio::null()).stderr(Stdio::inherit());
     let output = command.output().with_context(|| cannot_start(command))?;
@@ -232,12 +232,12 @@ pub(crate) fn output_of(what: &str, command: &mut Command) -> Result<String> {
     String::from_utf8(output.stdout).with_context(|| format!("{what} printed no UTF-8"))
 }
 
-/// Runs a command to its end, without terminal input.
+/// Runs a command until it ends, without terminal input.
 fn status(command: &mut Command) -> Result<ExitStatus> {
     command.stdin(Stdio::null()).status().with_context(|| cannot_start(command))
 }
 
-/// The message for a program that cannot be started.
+/// The error message for a program that cannot be started.
 pub(crate) fn cannot_start(command: &Command) -> String {
     format!(
         "cannot start `{}`: check that it is installed and on PATH",
@@ -245,7 +245,7 @@ pub(crate) fn cannot_start(command: &Command) -> String {
     )
 }
 
-/// A command as typed in a shell.
+/// Formats a command as it would be typed in a shell.
 fn shown(command: &Command) -> String {
     let program = Path::new(command.get_program());
     let words = std::iter::once(program.file_stem().unwrap_or(program.as_os_str()))
@@ -261,10 +261,10 @@ mod tests {
 
     use super::*;
 
-    /// Identifies the compiled dependencies of a call of cargo: package, target, features and
-    /// settings, recursively.
+    /// Identifies the compiled dependencies of a call of cargo by package, target, features and settings,
+    /// including their own dependencies.
     fn dependencies(cargo: &mut Command) -> BTreeSet<String> {
-        // Cargo prints its build plan only for nightly toolchains, or with this variable.
+        // Stable cargo prints its unit graph only if this variable is set.
         cargo.args(["-Zunstable-options", "--unit-graph"]).env("RUSTC_BOOTSTRAP", "1");
         let graph = output_of("cargo", cargo).expect("a plan");
         let graph: serde_json::Value = serde_json::from_str(&graph).expect("JSON");

@@ -1,4 +1,4 @@
-//! Entry of the demonstration.
+//! Program of the demonstration page.
 
 use sidestep_web::pages::lab::{Demonstration, Lab};
 

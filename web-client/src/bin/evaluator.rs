@@ -1,4 +1,4 @@
-//! Entry of the evaluator: runs in a worker beside the laboratory's explorer.
+//! Program of the evaluator, which runs in a worker for the laboratory's explorer.
 
 fn main() {
     sidestep_web::browser::evaluator::work();

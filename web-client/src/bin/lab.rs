@@ -1,4 +1,4 @@
-//! Entry of the laboratory.
+//! Program of the laboratory.
 
 use sidestep_web::pages::lab::{Lab, Laboratory};
 

@@ -1,6 +1,7 @@
-//! Entry of the participant's page.
+//! Program of the participant's page.
 
-/// A third of the default allocator's size, and as fast for the work of this page.
+/// This allocator has a third of the default allocator's size, and is as fast for the work of this
+/// page.
 #[global_allocator]
 static ALLOCATOR: rlsf::SmallGlobalTlsf = rlsf::SmallGlobalTlsf::new();
 

@@ -1,4 +1,4 @@
-//! Entry of the laboratory's page for value functions.
+//! Program of the laboratory's page for value functions.
 
 use sidestep_web::pages::lab::{Inspector, Lab};
 

@@ -1,4 +1,4 @@
-//! Entry of the simulator: runs beside the participant's page in a simulated participation.
+//! Program of the simulator, which operates the participant's page in a simulated participation.
 
 fn main() {
     sidestep_web::browser::simulator::work();

@@ -1,4 +1,4 @@
-//! Entry of the solver: runs in a worker beside the laboratory's replay.
+//! Program of the solver, which runs in a worker for the laboratory's pages.
 
 fn main() {
     sidestep_web::browser::solver::work();

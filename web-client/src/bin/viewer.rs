@@ -1,4 +1,4 @@
-//! Entry of the laboratory's pages that draw scenes and sets.
+//! Program of the laboratory's pages that draw scenes and predicted sets.
 
 use sidestep_web::pages::lab::{Lab, Viewer};
 

@@ -1,11 +1,11 @@
-//! The address bar and the history.
+//! The address bar and the browser's history.
 
 use crate::runtime::Address;
 use js_sys::Array;
 use wasm_bindgen::prelude::*;
 use web_sys::{Url, UrlSearchParams, Window};
 
-/// The address shown now.
+/// The address that the browser currently shows.
 pub(super) fn current(window: &Window) -> Address {
     let location = window.location();
     address(
@@ -16,7 +16,7 @@ pub(super) fn current(window: &Window) -> Address {
     )
 }
 
-/// Resolves `url` against the current address; `None` if it has another origin.
+/// Resolves `url` against the current address. Returns `None` if it has another origin.
 pub(super) fn of_url(window: &Window, url: &str) -> Option<Address> {
     let location = window.location();
     let url = Url::new_with_base(url, &location.href().ok()?).ok()?;
@@ -29,7 +29,7 @@ fn address(origin: String, path: String, search: &str, hash: &str) -> Address {
     Address { origin, path, search: search.to_owned(), query: decoded(search), fragment }
 }
 
-/// Names and values of a query.
+/// Decodes the names and values of a query.
 fn decoded(query: &str) -> Vec<(String, String)> {
     let Ok(parameters) = UrlSearchParams::new_with_str(query) else { return Vec::new() };
     let text = |pair: &Array, place| pair.get(place).as_string().unwrap_or_default();

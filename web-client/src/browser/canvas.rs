@@ -1,4 +1,4 @@
-//! Paints pictures.
+//! Paints pictures on a canvas.
 
 use js_sys::Reflect;
 use sidestep::chart::{Colour, Ink, Pen};
@@ -7,12 +7,12 @@ use sidestep::picture::{Brush, Picture, Points};
 use wasm_bindgen::prelude::*;
 use web_sys::{CanvasRenderingContext2d, Document, HtmlCanvasElement, ResizeObserver, Window};
 
-/// Paints in the colours of light or dark background, as the user prefers. Objects of the browser
-/// are created once and reused, so that a frame allocates none.
+/// Paints in the colours for a light or a dark background, as the user prefers. Browser objects are
+/// created once and reused, so that a frame allocates none.
 #[derive(Default)]
 pub(super) struct Painter {
     is_dark: bool,
-    /// Colours used so far, as CSS writes them.
+    /// The colours used so far, with their CSS strings.
     colours: Vec<(Colour, JsValue)>,
     sheet: Option<Sheet>,
 }
@@ -22,16 +22,16 @@ struct Sheet {
     id: &'static str,
     canvas: HtmlCanvasElement,
     context: CanvasRenderingContext2d,
-    /// Attributes as they are set now.
+    /// The attributes that are currently set on the canvas.
     attributes: Vec<(&'static str, String)>,
-    /// Width and height, CSS pixels, once measured.
+    /// Width and height (CSS pixels), once measured.
     size_px: Option<[f64; 2]>,
     names: Names,
-    /// Dashes of the last line, as lengths and as a JavaScript array.
+    /// The dashes that are currently set, as lengths and as a JavaScript array.
     dash: Option<([f64; 2], js_sys::Array)>,
 }
 
-/// Names of a context's properties.
+/// The names of two properties of a context.
 struct Names {
     fill: JsValue,
     stroke: JsValue,
@@ -44,21 +44,21 @@ impl Painter {
         self.colours.clear();
     }
 
-    /// Uses the same background as another painter.
+    /// Uses the same background as the other painter.
     pub(super) fn be_like(&mut self, other: &Self) {
         if self.is_dark != other.is_dark {
             self.set_dark(other.is_dark);
         }
     }
 
-    /// Discards the measured size, because the canvas or its pixels have changed size.
+    /// Discards the measured size, because the canvas or the device pixels have changed size.
     pub(super) fn measure_again(&mut self) {
         if let Some(sheet) = &mut self.sheet {
             sheet.size_px = None;
         }
     }
 
-    /// Finds the canvas with this id and paints on it from now on.
+    /// Finds the canvas with this id. From then on, the painter paints on it.
     pub(super) fn find(
         &mut self,
         document: &Document,
@@ -116,14 +116,14 @@ impl Sheet {
         }
     }
 
-    /// Clears the canvas. Returns its width and height, CSS pixels.
+    /// Clears the canvas and returns its width and height (CSS pixels).
     fn cleared(&mut self, window: &Window) -> [f64; 2] {
         let size_px = *self.size_px.get_or_insert_with(|| {
             let canvas = &self.canvas;
             let size = [f64::from(canvas.client_width()), f64::from(canvas.client_height())];
             let ratio = window.device_pixel_ratio();
             let [width, height] = size.map(|side| (side * ratio).round() as u32);
-            // This also resets all other state of the context.
+            // Setting the size also resets all other state of the context.
             canvas.set_width(width);
             canvas.set_height(height);
             let _ = self.context.set_transform(ratio, 0.0, 0.0, ratio, 0.0, 0.0);
@@ -137,9 +137,9 @@ impl Sheet {
         size_px
     }
 
-    /// Draws lines with these dashes from now on.
+    /// Sets the dashes for the lines that are drawn from now on.
     fn set_dash(&mut self, dash: Option<[f64; 2]>) {
-        // Lengths of 0 stand for a solid line.
+        // Lengths of 0 represent a solid line.
         let wanted = dash.unwrap_or([0.0; 2]);
         let is_set = self.dash.as_ref().map_or(dash.is_none(), |(lengths, _)| *lengths == wanted);
         if !is_set {
@@ -150,7 +150,7 @@ impl Sheet {
     }
 }
 
-/// Calls back whenever the watched canvas changes size, for whatever reason.
+/// Calls back whenever the watched canvas changes its size.
 pub(super) struct SizeWatcher {
     observer: ResizeObserver,
     watched: Option<HtmlCanvasElement>,
@@ -208,7 +208,7 @@ impl Brush for Canvas<'_> {
         let mut is_lifted = true;
         for [x, y] in points {
             match is_lifted {
-                // The browser ignores a line to a point that is not a number.
+                // The browser ignores a line to NaN. After it, a new line starts.
                 false => context.line_to(x, y),
                 true => context.move_to(x, y),
             }

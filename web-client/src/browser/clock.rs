@@ -4,26 +4,28 @@ use crate::runtime::Address;
 use std::cell::Cell;
 use web_sys::{Performance, Window};
 
-/// Highest speed of the clock of a simulated participation.
+/// Maximum speed of the clock in a simulated participation.
 const MAX_SPEED: f64 = 50.0;
 
-/// Milliseconds since the page was opened. Monotonic, and independent of changes to the time of
-/// day. It is the browser's own clock, except in a simulated participation at another speed.
+/// Milliseconds since the page was opened. The clock is monotonic and independent of changes to the
+/// time of day. It is the browser's own clock, except in a simulated participation at another
+/// speed.
 ///
-/// The clock of such a participation stops when something is due, until the page has dealt with it:
-/// nothing is ever late, however slow the machine.
+/// In such a participation, the clock stops when something is due and continues when the page has
+/// handled it. So nothing is ever late, even on a slow machine.
 pub(super) struct Clock {
     performance: Option<Performance>,
     is_simulated: bool,
     speed: f64,
-    /// A time of the browser's clock, and the reading of this clock then.
+    /// A time on the browser's clock, and the reading of this clock at that time.
     set: Cell<(f64, f64)>,
-    /// Time at which this clock stops.
+    /// The reading at which this clock stops.
     stop_ms: Cell<f64>,
 }
 
 impl Clock {
-    /// The clock of a page at this address: `simulate=…&speed=N` makes it go N times as fast.
+    /// Creates the clock of a page with this address. `simulate=…&speed=N` makes it run N times as
+    /// fast as the browser's clock.
     pub(super) fn new(window: &Window, address: &Address) -> Self {
         let wanted: Option<f64> =
             address.parameter("speed").and_then(|text| crate::json::read(text.as_bytes()));
@@ -38,12 +40,12 @@ impl Clock {
         }
     }
 
-    /// Whether a program operates the page.
+    /// Whether the simulator operates the page.
     pub(super) fn is_simulated(&self) -> bool {
         self.is_simulated
     }
 
-    /// Whether it is faster than the browser's clock.
+    /// Whether this clock is faster than the browser's clock.
     pub(super) fn is_hurried(&self) -> bool {
         self.speed > 1.0
     }
@@ -53,28 +55,30 @@ impl Clock {
         self.of(self.performance.as_ref().map_or(0.0, Performance::now))
     }
 
-    /// Converts a time of the browser's clock, such as that of an event.
+    /// Converts a time on the browser's clock, such as the time stamp of an event, to this clock.
     pub(super) fn of(&self, browser_ms: f64) -> f64 {
         let (at, shown) = self.set.get();
         let mut passed_ms = (browser_ms - at) * self.speed;
         if self.is_hurried() {
-            // Time must advance between two events although the browser's stamps are coarse.
+            // Time must advance between two events, even though the browser's time stamps are
+            // coarse.
             passed_ms = passed_ms.max(1e-3);
         }
         (shown + passed_ms).min(self.stop_ms.get())
     }
 
-    /// Time to wait until a time of this clock, in whole milliseconds of the browser's.
+    /// The time to wait until this clock shows `until_ms`, in whole milliseconds of the browser's
+    /// clock.
     pub(super) fn wait_ms(&self, until_ms: f64) -> i32 {
         self.browser_ms(until_ms - self.now_ms())
     }
 
-    /// Converts a duration of this clock, ms, to whole milliseconds of the browser's.
+    /// Converts a duration on this clock (ms) to whole milliseconds of the browser's clock.
     pub(super) fn browser_ms(&self, duration_ms: f64) -> i32 {
         (duration_ms / self.speed).max(0.0).ceil() as i32
     }
 
-    /// Sets when something is due: an accelerated clock stops there.
+    /// Sets when something is next due. An accelerated clock stops there.
     pub(super) fn stop_at(&self, due_ms: Option<f64>) {
         if self.is_hurried() {
             let browser_ms = self.performance.as_ref().map_or(0.0, Performance::now);

@@ -8,22 +8,22 @@ use web_sys::{Document, Element, FocusOptions, HtmlElement};
 
 const SVG: &str = "http://www.w3.org/2000/svg";
 
-/// The view shown, and the document objects that show it.
+/// The view shown, and the DOM nodes that show it.
 pub(super) struct Dom<M> {
     document: Document,
     root: Mounted,
     shown: Vec<Child<M>>,
 }
 
-/// An object of the document with those of its children that are ours: a translator or another
-/// extension may have inserted its own.
+/// A DOM node, with those of its children that this program created. A translator or another
+/// extension may have inserted further children.
 struct Mounted {
     object: web_sys::Node,
     children: Vec<Mounted>,
 }
 
 impl<M> Dom<M> {
-    /// Starts with an empty `root`.
+    /// Starts with an empty element `root`.
     pub(super) fn new(document: &Document, root: &HtmlElement) -> Self {
         let root = Mounted { object: root.clone().into(), children: Vec::new() };
         Self { document: document.clone(), root, shown: Vec::new() }
@@ -37,7 +37,7 @@ impl<M> Dom<M> {
             let active = self.document.active_element();
             let mut hand = Hand { document: &self.document, focus: None };
             if hand.apply(&mut self.root, &edits).is_err() {
-                // Other code has changed the document: build it again.
+                // Other code has changed the document, so rebuild it.
                 self.root.object.set_text_content(None);
                 self.root.children.clear();
                 if let Err(error) = hand.apply(&mut self.root, &diff::children(&[], &new)) {
@@ -48,8 +48,8 @@ impl<M> Dom<M> {
             let active = active.filter(|active| {
                 active.is_connected() && self.document.active_element().as_ref() != Some(active)
             });
-            // An element that takes the focus when it appears begins a new page, which is read from
-            // its top.
+            // An element that takes the focus when it appears begins a new page, and users read a
+            // new page from its top.
             if let (Some(_), Some(window)) = (&hand.focus, self.document.default_view()) {
                 window.scroll_to_with_x_and_y(0.0, 0.0);
             }
@@ -60,7 +60,7 @@ impl<M> Dom<M> {
         self.shown = new;
     }
 
-    /// The innermost handler around `target` that satisfies `hears`, and its element.
+    /// The innermost handler around `target` that satisfies `hears`, and the handler's element.
     pub(super) fn handler(
         &self,
         target: &web_sys::Node,
@@ -89,7 +89,7 @@ fn focus(element: &Element) {
     }
 }
 
-/// Applies edits.
+/// Applies edits to the document.
 struct Hand<'a> {
     document: &'a Document,
     /// The new element that requests the focus.
@@ -176,7 +176,7 @@ fn words<M>(child: &Child<M>) -> String {
     }
 }
 
-/// Moves an object among its siblings, keeping its focus and scroll position where the browser can.
+/// Moves a node among its siblings. Keeps its focus and scroll position if the browser can do so.
 fn move_before(
     parent: &web_sys::Node,
     object: &web_sys::Node,
@@ -192,7 +192,7 @@ fn move_before(
 /// Sets an attribute, or removes it if `value` is `None`.
 fn set(element: &Element, name: &str, value: Option<&str>) -> Result<(), JsValue> {
     match name {
-        // The content security policy forbids style attributes, not the style object.
+        // The content security policy forbids style attributes, but not the style object.
         "style" => {
             if let Some(element) = element.dyn_ref::<HtmlElement>() {
                 element.style().set_css_text(value.unwrap_or_default());
@@ -203,7 +203,8 @@ fn set(element: &Element, name: &str, value: Option<&str>) -> Result<(), JsValue
             element.set_inner_html(value.unwrap_or_default());
             return Ok(());
         }
-        // Once a user has changed a field, its attribute holds only the initial value.
+        // Once a user has changed a field, its attribute contains only the initial value, so set
+        // the property too.
         "value" => drop(Reflect::set(element, &name.into(), &value.unwrap_or_default().into())),
         "checked" | "selected" => {
             drop(Reflect::set(element, &name.into(), &value.is_some().into()))

@@ -1,9 +1,10 @@
-//! Both ends of an evaluator beside the page: a worker with its own program (`bin/evaluator.rs`),
-//! which answers one question after another until the page stops it.
+//! Both sides of an evaluator: the page's side and the worker. The worker has its own program
+//! (`bin/evaluator.rs`) and answers one question after another until the page stops it.
 //!
-//! The page sends a part (its index in [`Part::ALL`]) with bytes; the worker reports in JSON. The
-//! worker's first message is empty and says that it is ready. Between two pieces of work it lets
-//! the browser deliver new messages of the page, so a newer question never waits for an older one.
+//! The page sends a part (its index in [`Part::ALL`]) with bytes, and the worker reports in JSON.
+//! The worker's first message is empty and means that it is ready. Between two pieces of work, the
+//! worker lets the browser deliver new messages from the page, so that a new question never waits
+//! for an older one.
 
 use crate::evaluation::{Evaluation, Part};
 use crate::runtime::{Answer, Failure};
@@ -15,17 +16,17 @@ use web_sys::{
     DedicatedWorkerGlobalScope, MessageChannel, MessageEvent, Worker, WorkerOptions, WorkerType,
 };
 
-/// The page's end. The worker is stopped when this is dropped.
+/// The page's side. Dropping it stops the worker.
 pub(super) struct Evaluator {
     worker: Worker,
-    /// Messages queued until the worker is ready; `None` once it is.
+    /// Messages that are queued until the worker is ready. `None` once it is ready.
     waiting: Rc<RefCell<Option<Vec<JsValue>>>>,
     _on_message: Closure<dyn FnMut(MessageEvent)>,
     _on_error: Closure<dyn FnMut(web_sys::Event)>,
 }
 
 impl Evaluator {
-    /// Starts the program at `address`.
+    /// Starts a worker with the program at `address`.
     pub(super) fn start(address: &str, report: impl Fn(Answer) + 'static) -> Result<Self, JsValue> {
         let options = WorkerOptions::new();
         options.set_type(WorkerType::Module);
@@ -46,7 +47,7 @@ impl Evaluator {
             })
         };
         let on_error = Closure::<dyn FnMut(web_sys::Event)>::new(move |event: web_sys::Event| {
-            // The page reports the error; the browser need not log it too.
+            // The page reports the error, so the browser need not log it as well.
             event.prevent_default();
             let sentence =
                 "The evaluator could not be loaded, or stopped. Reload the page.".to_owned();
@@ -75,11 +76,11 @@ impl Drop for Evaluator {
     }
 }
 
-/// Approximate duration of a piece of work: the page gets an estimate this often, and a newer
-/// question waits no longer.
+/// Approximate duration of a piece of work (ms). The page gets an estimate this often, and a new
+/// question waits at most this long.
 const PIECE_MS: f64 = 16.0;
 
-/// The worker's end.
+/// The worker's side.
 pub fn work() {
     let Ok(scope) = js_sys::global().dyn_into::<DedicatedWorkerGlobalScope>() else {
         return;
@@ -87,7 +88,7 @@ pub fn work() {
     // A message to itself is queued behind messages that the page has sent meanwhile.
     let Ok(channel) = MessageChannel::new() else { return };
     let evaluation = Rc::new(RefCell::new(Evaluation::default()));
-    // Only one such message at a time, or they would delay the page's own.
+    // Send only one such message at a time, because several would delay the page's messages.
     let is_coming = Rc::new(Cell::new(false));
     let come_back = {
         let (is_coming, next) = (Rc::clone(&is_coming), channel.port2());
@@ -130,7 +131,7 @@ pub fn work() {
         }
     });
     scope.set_onmessage(Some(on_message.as_ref().unchecked_ref()));
-    // Both closures live as long as the worker.
+    // Both closures must live as long as the worker.
     on_piece.forget();
     on_message.forget();
     let _ = scope.post_message(&JsValue::NULL);

@@ -1,4 +1,4 @@
-//! Files that a page offers for download or opens.
+//! Files that a page offers for download, and files that a user opens.
 
 use crate::runtime::encoded;
 use js_sys::{Array, Reflect, Uint8Array};
@@ -9,13 +9,13 @@ use web_sys::{
     HtmlCanvasElement, HtmlElement, HtmlImageElement, Url,
 };
 
-/// Whether a field is for a file.
+/// Whether a field selects a file.
 pub(super) fn is_field(field: &Element) -> bool {
     field.matches("input[type=file]").unwrap_or(false)
 }
 
-/// The text of the file selected in a field, if any; empty if it cannot be read. Clears the field,
-/// so that the same file can be selected again.
+/// The text of the file that is selected in a field, if any. Empty if the file cannot be read.
+/// Clears the field, so that the same file can be selected again.
 pub(super) async fn opened(field: &Element) -> Option<String> {
     let files = Reflect::get(field, &"files".into()).ok()?;
     let file = Reflect::get_u32(&files, 0).ok()?.dyn_into::<Blob>().ok()?;
@@ -34,8 +34,8 @@ pub(super) fn offer(document: &Document, name: &str, media_type: &str, content: 
     }
 }
 
-/// Resizes a canvas and copies another one onto it. Unpainted parts of a canvas are transparent, so
-/// the copy gets the page's background.
+/// Resizes the canvas `image` to that of `canvas` and copies `canvas` onto it. Unpainted parts of a
+/// canvas are transparent, so the copy gets the page's background colour.
 pub(super) fn paint_on_ground(
     canvas: &HtmlCanvasElement,
     image: &HtmlCanvasElement,
@@ -63,7 +63,7 @@ pub(super) fn paint_on_ground(
     context.draw_image_with_html_canvas_element(canvas, 0.0, 0.0)
 }
 
-/// Offers an SVG file as a PNG image of twice its nominal size.
+/// Renders an SVG file at twice its nominal size and offers it as a PNG image.
 pub(super) fn offer_picture(document: &Document, svg: &[u8], name: String) {
     const TIMES: u32 = 2;
     let Ok(image) = HtmlImageElement::new() else { return };
@@ -112,7 +112,7 @@ pub(super) fn offer_blob(document: &Document, name: &str, blob: &Blob) -> Result
     link.set_href(&url);
     link.set_download(name);
     link.unchecked_ref::<HtmlElement>().click();
-    // By then the browser has begun to read the URL.
+    // After this delay, the browser has begun to read the URL.
     let forget = Closure::once_into_js(move || {
         let _ = Url::revoke_object_url(&url);
     });

@@ -11,7 +11,7 @@ use web_sys::{
     MediaRecorderOptions, RecordingState, Window,
 };
 
-/// Media type of the films.
+/// Media type of the recordings.
 const WEBM: &str = "video/webm";
 
 /// Whether this browser can record WebM.
@@ -20,7 +20,7 @@ fn can_film(window: &Window) -> bool {
     has(window, "MediaRecorder") && MediaRecorder::is_type_supported(WEBM)
 }
 
-/// A recording of a canvas. Dropping it before its end discards it.
+/// A recording of a canvas. Dropping it before it has ended discards the film.
 pub(super) struct Film {
     recorder: MediaRecorder,
     goes_on: Rc<Cell<bool>>,
@@ -51,7 +51,7 @@ impl Film {
         files::paint_on_ground(&canvas, &copy)?;
         let options = MediaRecorderOptions::new();
         options.set_mime_type(WEBM);
-        // Keeps thin lines sharp: four times the default bit rate of browsers.
+        // Four times the default bit rate of browsers keeps thin lines sharp.
         options.set_video_bits_per_second(10_000_000);
         let stream = copy.capture_stream()?;
         let recorder =
@@ -96,8 +96,9 @@ impl Drop for Film {
     }
 }
 
-/// Copies a canvas in every frame of the browser while `goes_on` returns true. The copy is what is
-/// recorded: unpainted parts of a canvas are transparent, and would be black in the film.
+/// Copies a canvas in every animation frame while `goes_on` is true. The copy is recorded instead
+/// of the canvas itself, because unpainted parts of a canvas are transparent and would be black in
+/// the film.
 async fn copy_frames(
     window: Window,
     canvas: HtmlCanvasElement,

@@ -1,5 +1,5 @@
-//! Receives change events from the server while the page is visible. A hidden page has no
-//! connection, because browsers allow only a few for all tabs of a site.
+//! Receives change events from the server while the page is visible. A hidden page closes its
+//! connection, because browsers allow only a few connections for all tabs of a site.
 
 use super::listen::Listener;
 use js_sys::Function;
@@ -8,7 +8,7 @@ use std::rc::Rc;
 use wasm_bindgen::prelude::*;
 use web_sys::{Document, EventSource};
 
-/// A connection to the server's events; dropping it closes it.
+/// A connection to the server's events. Dropping it closes the connection.
 pub(super) struct Follower {
     source: Rc<RefCell<Option<EventSource>>>,
     _shown: Option<Listener>,
@@ -16,7 +16,7 @@ pub(super) struct Follower {
 }
 
 impl Follower {
-    /// Calls back at each `change` event; the server sends the first at once.
+    /// Calls `hear` at each `change` event. The server sends the first event immediately.
     pub(super) fn start(document: &Document, url: &'static str, hear: impl Fn() + 'static) -> Self {
         let on_change = Closure::<dyn Fn()>::new(hear);
         let function: Function = on_change.as_ref().unchecked_ref::<Function>().clone();

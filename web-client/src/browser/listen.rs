@@ -1,4 +1,4 @@
-//! Listeners on the document, removed when dropped.
+//! Event listeners on the document. They are removed when they are dropped.
 
 use super::canvas::SizeWatcher;
 use super::{Pump, address, background, fields, files, window_size};
@@ -11,7 +11,7 @@ use web_sys::{
     Node, PointerEvent, WheelEvent,
 };
 
-/// A callback on a target for as long as this value lives.
+/// An event listener, which exists as long as this value.
 pub(super) struct Listener {
     target: EventTarget,
     name: &'static str,
@@ -19,7 +19,7 @@ pub(super) struct Listener {
 }
 
 impl Listener {
-    /// Calls back on each event of this name at `target`.
+    /// Calls `hear` on each event of this name at `target`.
     pub(super) fn new(
         target: &EventTarget,
         name: &'static str,
@@ -31,11 +31,11 @@ impl Listener {
         Some(Self { target: target.clone(), name, callback })
     }
 
-    /// Makes the browser ask users who leave for confirmation.
+    /// Makes the browser ask users for confirmation before they leave.
     pub(super) fn guard(target: &EventTarget) -> Option<Self> {
         Self::new(target, "beforeunload", |event| {
             event.prevent_default();
-            // Older browsers need the return value.
+            // Older browsers need a return value as well.
             let _ = js_sys::Reflect::set(&event, &"returnValue".into(), &"unsaved".into());
         })
     }
@@ -44,7 +44,7 @@ impl Listener {
 impl Drop for Listener {
     fn drop(&mut self) {
         let function = self.callback.as_ref().unchecked_ref();
-        // A target that no longer exists has no listeners.
+        // This fails only for a target that no longer exists, which has no listeners.
         let _ = self.target.remove_event_listener_with_callback(self.name, function);
     }
 }
@@ -88,8 +88,8 @@ impl<P: Page + 'static> Pump<P> {
         if P::has_short_cuts() {
             self.on(&root, "pointerdown", |pump, _| pump.shell.borrow_mut().has_pointed = true);
             self.on(&root, "change", |pump, event| {
-                // While a view is being updated, a field that loses the focus to a new one also
-                // fires this event.
+                // While a view is being updated, a field also fires this event when it loses the
+                // focus to a new field.
                 if pump.shell.try_borrow().is_ok_and(|shell| shell.has_pointed) {
                     give_up_keys(event, "select");
                 }
@@ -114,7 +114,7 @@ impl<P: Page + 'static> Pump<P> {
                 });
             }
         }
-        // The pixel ratio changes with the zoom, which also resizes the window.
+        // The pixel ratio changes with the zoom level, which also resizes the window.
         self.on(&window, "resize", |pump, event| {
             pump.shell.borrow_mut().repaint();
             let (width_px, height_px, ratio) = window_size(&pump.shell.borrow().window);
@@ -135,7 +135,7 @@ impl<P: Page + 'static> Pump<P> {
         self.shell.borrow_mut().on_resize = on_resize;
     }
 
-    /// Calls back on each event of this name at `target`.
+    /// Calls `hear` on each event of this name at `target`.
     fn on(&self, target: &EventTarget, name: &'static str, hear: fn(&Self, &web_sys::Event)) {
         let pump = self.clone();
         let listener = Listener::new(target, name, move |event| hear(&pump, &event));
@@ -144,12 +144,13 @@ impl<P: Page + 'static> Pump<P> {
 
     fn key(&self, event: &web_sys::Event, down: bool) {
         let Some(event) = event.dyn_ref::<KeyboardEvent>() else { return };
-        // These modifiers belong to the browser's shortcuts. A key that goes up counts regardless.
+        // A key pressed with one of these modifiers is a shortcut of the browser. Releasing a key
+        // always counts.
         if down && (event.ctrl_key() || event.alt_key() || event.meta_key()) {
             return;
         }
         let code = event.code();
-        // Compiled out for pages without shortcuts.
+        // This condition removes the code from pages without shortcuts.
         if P::has_short_cuts() && is_needed(event, &code) {
             if down {
                 self.shell.borrow_mut().has_pointed = false;
@@ -176,7 +177,8 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    /// Releases all keys: macOS does not report keys released while the command key is held.
+    /// Reports all keys as released, because macOS does not report keys that are released while the
+    /// command key is down.
     fn release(&self, stamp: f64) {
         let codes = std::mem::take(&mut self.shell.borrow_mut().down);
         for code in codes {
@@ -185,7 +187,7 @@ impl<P: Page + 'static> Pump<P> {
     }
 
     /// Sends the message of the innermost control that satisfies `hears`. Returns whether there is
-    /// one.
+    /// such a control.
     fn used(&self, event: &web_sys::Event, hears: fn(&Handler<P::Msg>) -> bool) -> bool {
         let target = event.target().and_then(|target| target.dyn_into::<Node>().ok());
         let found = target.and_then(|target| {
@@ -197,7 +199,7 @@ impl<P: Page + 'static> Pump<P> {
         let t_ms = self.shell.borrow().clock.of(event.time_stamp());
         match handler {
             Handler::Press(message) => self.dispatch(message, t_ms),
-            // Compiled out for pages without files.
+            // This condition removes the code from pages without files.
             Handler::Input(make) if P::offers_files() && files::is_field(&element) => {
                 let pump = self.clone();
                 background(async move {
@@ -214,7 +216,7 @@ impl<P: Page + 'static> Pump<P> {
             Handler::Submit(make) => {
                 event.prevent_default();
                 self.dispatch(make(fields::form(&element)), t_ms);
-                // The first incomplete field gets the focus.
+                // Focus the first incomplete field.
                 let lacks = "[aria-invalid] input, textarea[aria-invalid]";
                 let fields = element.query_selector_all(lacks);
                 if let Some(field) = fields.ok().and_then(|fields| fields.get(0)) {
@@ -248,7 +250,7 @@ impl<P: Page + 'static> Pump<P> {
             _ => Does::Hover,
         };
         match does {
-            // A drag continues beyond the element.
+            // A drag continues even beyond the element.
             Does::Press => {
                 let pointer = event.dyn_ref::<PointerEvent>().map(PointerEvent::pointer_id);
                 let _ = pointer.map(|pointer| element.set_pointer_capture(pointer));
@@ -264,7 +266,7 @@ impl<P: Page + 'static> Pump<P> {
         self.dispatch(make(FieldValue::Pointing(Pointing { at, does })), t_ms);
     }
 
-    /// Follows a link to another address of this page without loading it.
+    /// Follows a link to another address of this page without loading the page again.
     fn link(&self, event: &web_sys::Event) {
         let target = event.target().and_then(|target| target.dyn_into::<Element>().ok());
         let link = target.and_then(|element| element.closest("a[href]").ok().flatten());
@@ -275,7 +277,7 @@ impl<P: Page + 'static> Pump<P> {
             return;
         }
         let url = link.get_attribute("href").unwrap_or_default();
-        // For other documents the browser itself asks before it leaves.
+        // For links to other documents, the browser itself asks before it leaves.
         let is_guarded = self.shell.borrow().guard.is_some() && url.starts_with("/lab");
         if is_guarded {
             let window = self.shell.borrow().window.clone();
@@ -293,8 +295,9 @@ impl<P: Page + 'static> Pump<P> {
     }
 }
 
-/// Returns the keyboard to the page after a control was used by pointer: a user who sets the speed
-/// with the mouse can then press Space to play. For keyboard users the focus stays at the control.
+/// Returns the keyboard to the page after a control was used by pointer. For example, a user who
+/// sets the speed with the mouse can then press Space to play. For keyboard users, the focus stays
+/// at the control.
 fn give_up_keys(event: &web_sys::Event, controls: &str) {
     let target = event.target().and_then(|target| target.dyn_into::<Element>().ok());
     let control = target.and_then(|target| target.closest(controls).ok().flatten());

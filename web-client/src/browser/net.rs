@@ -6,10 +6,10 @@ use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::JsFuture;
 use web_sys::{AbortController, RequestInit, Response, Window};
 
-/// Timeout of a request, ms.
+/// Timeout of a request (ms).
 const PATIENCE_MS: i32 = 15_000;
 
-/// A request in flight. Dropping it cancels it.
+/// A request in progress. Dropping it cancels the request.
 pub(super) struct Sent(Option<AbortController>);
 
 impl Drop for Sent {
@@ -21,7 +21,7 @@ impl Drop for Sent {
     }
 }
 
-/// Sends a request. Any network failure counts as unreachable.
+/// Sends a request. Any network failure is reported as an unreachable server.
 pub(super) fn send<M: 'static>(
     window: &Window,
     request: Request<M>,

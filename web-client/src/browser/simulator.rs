@@ -1,6 +1,6 @@
-//! A synthetic participant at the real page: a separate program (`bin/simulator.rs`), which a page
-//! loads only in a simulated participation (`?simulate=SEED`). It uses the document as a person
-//! does: it reads, answers, presses buttons and steers with keys.
+//! A synthetic participant who uses the real page. It is a separate program (`bin/simulator.rs`),
+//! which a page loads only in a simulated participation (`?simulate=SEED`). It uses the document as
+//! a person does: it reads, answers, presses buttons and steers with keys.
 
 use crate::json;
 use crate::runtime::Address;
@@ -18,7 +18,7 @@ use web_sys::{
     MutationObserverInit, NodeList, Response, Window,
 };
 
-/// Interval between two checks of the page, ms.
+/// Interval between two checks of the page (ms).
 const LOOK_MS: i32 = 25;
 
 /// Starts the synthetic participant with the seed in the address.
@@ -41,7 +41,7 @@ async fn begin(window: &Window) -> Result<(), JsValue> {
     let user = User { document, person, study, trials: 0, driven: None, held: None };
     let user = Rc::new(RefCell::new(user));
 
-    // Runs at every step shown, before the next one is due.
+    // Runs at every step that the page shows, before the next step is due.
     let watching = Rc::clone(&user);
     let watch = Closure::<dyn FnMut()>::new(move || watching.borrow_mut().steer());
     let observer = MutationObserver::new(watch.as_ref().unchecked_ref())?;
@@ -52,8 +52,8 @@ async fn begin(window: &Window) -> Result<(), JsValue> {
     let root = user.borrow().document.get_element_by_id("app").ok_or("no page")?;
     observer.observe_with_options(&root, &what)?;
     let look = Closure::<dyn FnMut()>::new(move || {
-        // The action may change the page at once and so trigger the observer, which borrows `user`
-        // too.
+        // Perform the action after the borrow of `user`, because it may trigger the observer at
+        // once, which also borrows `user`.
         let act = user.borrow().next_act();
         act.perform();
     });
@@ -61,13 +61,13 @@ async fn begin(window: &Window) -> Result<(), JsValue> {
         look.as_ref().unchecked_ref(),
         LOOK_MS,
     )?;
-    // Both closures live until the page is closed.
+    // Both closures must live until the page is closed.
     watch.forget();
     look.forget();
     Ok(())
 }
 
-/// The seed in the address; if it is not a number, its bytes.
+/// The seed in the address. If it is not a number, its bytes are combined into a number.
 fn seed(address: &Address) -> u64 {
     let word = address.parameter("simulate").unwrap_or_default();
     let number = |text: &str| text.bytes().fold(0u64, |n, b| n.wrapping_mul(256) + u64::from(b));
@@ -80,25 +80,25 @@ async fn fetched(window: &Window, url: &str) -> Result<Vec<u8>, JsValue> {
     Ok(Uint8Array::new(&body).to_vec())
 }
 
-/// A synthetic person at the page.
+/// A synthetic person who uses the page.
 struct User {
     document: Document,
     person: SyntheticParticipant,
     study: StudyInfo,
     /// Number of scenes driven.
     trials: u64,
-    /// The scene on the canvas: its trial and the planned key changes.
+    /// The scene on the canvas: the id of its trial, and the planned key changes in reverse order.
     driven: Option<(String, Vec<KeyChange>)>,
     /// The key that is down.
     held: Option<&'static str>,
 }
 
-/// The next action at the page.
+/// The next action on the page.
 enum Act {
     Nothing,
     /// Fill these fields, then press this button.
     Press(Vec<(Element, Entry)>, HtmlElement),
-    /// Try the keys.
+    /// Press and release both steering keys.
     TryKeys(Document),
 }
 
@@ -119,8 +119,8 @@ impl User {
         self.document.query_selector(selector).ok().flatten()
     }
 
-    /// Steers the scene on the canvas: in each step, presses the key that must be down when the
-    /// next begins.
+    /// Steers the scene on the canvas. In each step, it presses the key that must be down when the
+    /// next step begins.
     fn steer(&mut self) {
         let Some(canvas) = self.find("canvas[data-scene]") else { return self.rest() };
         if self.find("[data-testid=countdown], [data-testid=over]").is_some() {
@@ -139,7 +139,8 @@ impl User {
         }
         let step_ms = 1000.0 * self.study.parameters.step_s;
         let step: f64 = attribute("data-step").parse().unwrap_or(0.0);
-        // A key change exactly at the start of the next step may be late by a rounding error.
+        // The margin of 1 ms covers rounding errors of a key change exactly at the start of the
+        // next step.
         let next_ms = (step + 1.0) * step_ms + 1.0;
         while let Some((_, changes)) = &mut self.driven
             && let Some(change) = changes.pop_if(|change| change.at_ms <= next_ms)
@@ -155,7 +156,7 @@ impl User {
         }
     }
 
-    /// Uses one finger: releases a key before pressing another.
+    /// Acts as one finger does: releases the held key before it presses another.
     fn hold(&mut self, input: TurnInput) {
         let wanted = match input {
             TurnInput::Left => Some("ArrowLeft"),
@@ -169,7 +170,7 @@ impl User {
         }
     }
 
-    /// A person's next action at the page in its current state.
+    /// The action that a person would take next in the current state of the page.
     fn next_act(&self) -> Act {
         if self.find("canvas[data-scene], [data-testid=completion-code]").is_some() {
             return Act::Nothing;
@@ -190,7 +191,7 @@ impl User {
             let name = field.get_attribute("name").unwrap_or_default();
             let kind = property(&field, "type");
             if kind == "radio" {
-                // The page marks the right answers of the check of understanding for programs.
+                // For simulators, the page marks the right answers to the check of understanding.
                 let is_right = !name.starts_with("check-") || field.has_attribute("data-right");
                 if is_right && !groups.contains(&name) {
                     groups.push(name);
@@ -255,7 +256,8 @@ fn property(element: &Element, name: &str) -> String {
     value.as_string().unwrap_or_default()
 }
 
-/// The scene that the page exposes: the human's x, y and heading, the robot's, and the goal.
+/// Parses the scene that the page exposes: the human's x, y and heading, the robot's x, y and
+/// heading, and the goal.
 fn scene(text: &str) -> Option<Scene> {
     let [hx, hy, hpsi, rx, ry, rpsi, gx, gy]: [f64; 8] = json::read(text.as_bytes())?;
     let pose = |x, y, psi| Pose { x, y, psi };

@@ -9,7 +9,7 @@ use std::rc::Rc;
 use wasm_bindgen::prelude::*;
 use web_sys::{Document, HtmlCanvasElement, WebGl2RenderingContext as Gl, WebGlProgram, Window};
 
-/// Objects of the browser are created once for each canvas.
+/// Paints on one canvas. Browser objects are created once for each canvas.
 #[derive(Default)]
 pub(super) struct Painter(Option<Canvas>);
 
@@ -17,16 +17,16 @@ struct Canvas {
     element: HtmlCanvasElement,
     /// `None` without WebGL.
     gl: Option<Gl>,
-    /// Buffers and program in the graphics processor, once loaded.
+    /// Program and buffers on the GPU, once they are loaded.
     loaded: Option<Loaded>,
-    /// Whether the context has been lost since.
+    /// Whether the context was lost after the last upload.
     is_lost: Rc<Cell<bool>>,
     _listeners: Vec<Listener>,
 }
 
 struct Loaded {
     program: WebGlProgram,
-    /// The mesh in its buffers.
+    /// The mesh in the buffers.
     mesh: Rc<Mesh>,
 }
 
@@ -42,7 +42,7 @@ uniform mat4 matrix;
 out vec3 facing; out float height;
 void main() { gl_Position = matrix * vec4(place, 1.0); facing = normal; height = place.z; }";
 
-/// The light and the tones of the library's drawing, and rings at equal heights.
+/// The light and the tones of the library's drawing, with rings at equal heights.
 const FRAGMENT: &str = "#version 300 es
 precision highp float;
 in vec3 facing; in float height;
@@ -59,9 +59,9 @@ void main() {
 }";
 
 impl Painter {
-    /// Draws a solid. Returns `None` if the browser cannot; otherwise the time of a frame, ms, for
-    /// the first drawing of a mesh. `tell` is called when the context is lost and when it is
-    /// restored.
+    /// Draws a solid. Returns `None` if the browser cannot draw it. When a mesh is drawn for the
+    /// first time, returns the time of a frame (ms). Calls `tell` when the context is lost and when
+    /// it is restored.
     pub(super) fn draw<M>(
         &mut self,
         document: &Document,
@@ -76,7 +76,7 @@ impl Painter {
         }
         let canvas = self.0.as_mut()?;
         if canvas.gl.as_ref()?.is_context_lost() {
-            // The page gets a separate message about that.
+            // The page is notified of a lost context by a separate message.
             return Some(None);
         }
         if canvas.is_lost.take() {
@@ -87,8 +87,8 @@ impl Painter {
             canvas.paint(window, solid, solid.is_still)?;
             return Some(None);
         }
-        // The first frame of a mesh uploads it, so later ones are timed. Other work of the browser
-        // may slow one of them, but hardly all.
+        // The first frame of a mesh uploads it, so only later frames are timed. Other work of the
+        // browser may slow one of them, but hardly all.
         canvas.paint(window, solid, false)?;
         canvas.wait();
         let clock = window.performance()?;
@@ -106,8 +106,8 @@ impl Painter {
 
 impl Canvas {
     fn new(element: HtmlCanvasElement, tell: impl Fn(bool) + Clone + 'static) -> Self {
-        // Edges are smoothed by supersampling while nothing moves: multisampling on a CPU renderer
-        // is slow.
+        // Edges are smoothed by supersampling while nothing moves, because multisampling is slow on
+        // a CPU renderer.
         let options = js_sys::Object::new();
         let _ = js_sys::Reflect::set(&options, &"antialias".into(), &false.into());
         let context = element.get_context_with_context_options("webgl2", &options).ok().flatten();
@@ -116,7 +116,7 @@ impl Canvas {
         let (lost, noted) = (tell.clone(), Rc::clone(&is_lost));
         let listeners = [
             Listener::new(&element, "webglcontextlost", move |event| {
-                // Otherwise the browser would not restore the context.
+                // Without this call, the browser would not restore the context.
                 event.prevent_default();
                 noted.set(true);
                 lost(false);
@@ -127,7 +127,7 @@ impl Canvas {
         Self { element, gl, loaded: None, is_lost, _listeners }
     }
 
-    /// Waits until the graphics processor has finished.
+    /// Waits until the GPU has finished.
     fn wait(&self) {
         if let Some(gl) = &self.gl {
             let mut pixel = [0; 4];
@@ -209,7 +209,7 @@ fn begin(gl: &Gl, program: &WebGlProgram) -> Option<()> {
         gl.vertex_attrib_pointer_with_i32(at, 3, Gl::FLOAT, false, 6 * number, first * number);
     }
     gl.enable(Gl::DEPTH_TEST);
-    // The surface is closed: faces that point away are always hidden.
+    // The surface is closed, so faces that point away are always hidden.
     gl.enable(Gl::CULL_FACE);
     gl.clear_color(0.0, 0.0, 0.0, 0.0);
     Some(())

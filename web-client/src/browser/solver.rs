@@ -1,10 +1,10 @@
-//! Both ends of a solver beside the page: a worker with its own program (`bin/solver.rs`), which
-//! finds one value function and ends.
+//! Both sides of a solver: the page's side and the worker. The worker has its own program
+//! (`bin/solver.rs`), which computes one value function and ends.
 //!
-//! The worker's name is its task as JSON, so that nothing must be sent to a worker that is still
-//! loading. It reports progress as numbers (0 to 1) and ends with the bytes of the function or, if
-//! there is no solution, with a text that gives the reason. The browser stops it when the page
-//! closes.
+//! The worker's name is its task as JSON, so the page need not send a message to a worker that is
+//! still loading. The worker reports progress as numbers (0 to 1). It ends with the bytes of the
+//! function or, if there is no solution, with the reason as text. The browser stops the worker when
+//! the page closes.
 
 use crate::json;
 use crate::runtime::Solving;
@@ -16,7 +16,7 @@ use std::rc::Rc;
 use wasm_bindgen::prelude::*;
 use web_sys::{DedicatedWorkerGlobalScope, MessageEvent, Worker, WorkerOptions, WorkerType};
 
-/// The page's end. The worker is stopped when this is dropped.
+/// The page's side. Dropping it stops the worker.
 pub(super) struct Solver {
     worker: Worker,
     _on_message: Closure<dyn FnMut(MessageEvent)>,
@@ -24,7 +24,7 @@ pub(super) struct Solver {
 }
 
 impl Solver {
-    /// Starts the program at `address` on `task`.
+    /// Starts a worker with the program at `address`, which solves `task`.
     pub(super) fn start(
         address: &str,
         task: &Task,
@@ -49,7 +49,7 @@ impl Solver {
             })
         };
         let on_error = Closure::<dyn FnMut(web_sys::Event)>::new(move |event: web_sys::Event| {
-            // The page reports the error; the browser need not log it too.
+            // The page reports the error, so the browser need not log it as well.
             event.prevent_default();
             let why = "The solver could not be loaded, or stopped. Check the internet connection.";
             report(Solving::Failed(why.to_owned()));
@@ -66,14 +66,14 @@ impl Drop for Solver {
     }
 }
 
-/// The worker's end: does the task in its name, and ends.
+/// The worker's side. Solves the task in the worker's name, and ends.
 pub fn work() {
     let Ok(scope) = js_sys::global().dyn_into::<DedicatedWorkerGlobalScope>() else {
         return;
     };
     let reporter = scope.clone();
     std::panic::set_hook(Box::new(move |panic| {
-        // If this message is lost too, the page still gets the error event of the panic.
+        // If this message is also lost, the page still gets the error event of the panic.
         let _ = reporter.post_message(&format!("The solver stopped: {panic}").into());
     }));
     let sent = match solved(&scope) {

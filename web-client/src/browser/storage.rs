@@ -1,6 +1,6 @@
-//! Storage in this browser for pages of this origin: one record per name in the object store `kept`
-//! of the database `sidestep`. Earlier versions used the local storage, under the same names;
-//! records there are still read and deleted.
+//! Storage in this browser for the pages of this origin. It has one record per name, in the object
+//! store `kept` of the database `sidestep`. Earlier versions used the local storage under the same
+//! names. Records there are still read and deleted.
 
 use crate::runtime::NotKept;
 use js_sys::{Array, Function, Object, Promise, Reflect};
@@ -8,22 +8,22 @@ use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::JsFuture;
 use web_sys::{DomException, IdbDatabase, IdbOpenDbRequest, IdbRequest, IdbTransaction, Window};
 
-/// Name of the database, and prefix of our names in the local storage.
+/// Name of the database, and prefix of this program's names in the local storage.
 const DATABASE: &str = "sidestep";
 const STORE: &str = "kept";
 
-/// Timeout of the database, ms; after it the database counts as absent.
+/// Timeout of the database (ms). After it, the database counts as unavailable.
 const PATIENCE_MS: i32 = 2_000;
 
-/// The database, if there is one.
+/// The database, or the reason why it cannot be used.
 pub(super) struct Storage {
     window: Window,
     database: Result<IdbDatabase, NotKept>,
-    /// Whether the browser was asked not to evict records when it runs out of room.
+    /// Whether the browser was already asked not to evict the records when it runs out of space.
     is_persistent: bool,
 }
 
-/// Text by name.
+/// The stored texts by name.
 type Records = Vec<(String, String)>;
 
 impl Storage {
@@ -45,18 +45,18 @@ impl Storage {
         (Self { window: window.clone(), database, is_persistent: false }, records)
     }
 
-    /// No storage, for pages that store nothing.
+    /// A storage that stores nothing, for pages without records.
     pub(super) fn none(window: &Window) -> Self {
         let database = Err(NotKept::Denied);
         Self { window: window.clone(), database, is_persistent: false }
     }
 
-    /// Why nothing can be stored, if so.
+    /// Why nothing can be stored.
     pub(super) fn failure(&self) -> Option<NotKept> {
         self.database.as_ref().err().copied()
     }
 
-    /// Stores a text under a name. It is stored once the future resolves.
+    /// Stores a text under a name. The text is stored once the future has resolved successfully.
     pub(super) fn keep(
         &mut self,
         name: &str,
@@ -68,7 +68,7 @@ impl Storage {
             let manager = Reflect::get(&navigator, &"storage".into()).unwrap_or_default();
             super::wish(&manager, "persist");
         }
-        // The database executes the calls on a name in order.
+        // The database executes the requests for a name in order.
         let written = self.database.as_ref().map_err(|reason| *reason).and_then(|database| {
             let put = || {
                 let transaction = write(database)?;
@@ -83,7 +83,7 @@ impl Storage {
 
     /// Deletes the record of a name.
     pub(super) fn forget(&self, name: &str) {
-        // A record that does not exist or cannot be reached needs no deletion.
+        // If the record does not exist or cannot be reached, nothing needs to be deleted.
         if let Ok(database) = &self.database {
             let _ = write(database).and_then(|all| all.object_store(STORE)?.delete(&name.into()));
         }
@@ -93,7 +93,8 @@ impl Storage {
     }
 }
 
-/// All our records in the local storage. A private window may have none or deny access.
+/// All records of this program in the local storage. A private window may have no local storage or
+/// deny access.
 fn earlier(window: &Window) -> Option<Records> {
     let storage = window.local_storage().ok()??;
     let names = (0..storage.length().ok()?).filter_map(|i| storage.key(i).ok()?);
@@ -116,7 +117,7 @@ async fn open(window: &Window) -> Result<IdbDatabase, JsValue> {
 
 async fn all(window: &Window, database: &IdbDatabase) -> Result<Records, JsValue> {
     let store = database.transaction_with_str(STORE)?.object_store(STORE)?;
-    // Both requests are in one transaction, so they see the same records in the same order.
+    // Both requests belong to one transaction, so they return the same records in the same order.
     let (names, texts) = (store.get_all_keys()?, store.get_all()?);
     settled(window, &answered(&texts)).await?;
     let (names, texts) = (Array::from(&names.result()?), Array::from(&texts.result()?));
@@ -127,7 +128,7 @@ async fn all(window: &Window, database: &IdbDatabase) -> Result<Records, JsValue
         .collect())
 }
 
-/// A transaction that completes only when the records are on disk.
+/// Begins a transaction that completes only when the records are on disk.
 fn write(database: &IdbDatabase) -> Result<IdbTransaction, JsValue> {
     let options = Object::new();
     Reflect::set(&options, &"durability".into(), &"strict".into())?;
@@ -136,7 +137,7 @@ fn write(database: &IdbDatabase) -> Result<IdbTransaction, JsValue> {
     Ok(begun.unchecked_into())
 }
 
-/// Settles when the request does.
+/// A promise that settles when the request does.
 fn answered(request: &IdbRequest) -> Promise {
     Promise::new(&mut |done, failed| {
         request.set_onsuccess(Some(&done));
@@ -144,7 +145,7 @@ fn answered(request: &IdbRequest) -> Promise {
     })
 }
 
-/// Settles when the transaction does.
+/// A promise that settles when the transaction does.
 fn committed(transaction: &IdbTransaction) -> Promise {
     Promise::new(&mut |done, failed| {
         transaction.set_oncomplete(Some(&done));
@@ -160,7 +161,7 @@ async fn settled(window: &Window, promise: &Promise) -> Result<JsValue, JsValue>
     JsFuture::from(Promise::race(&Array::of2(promise, &late))).await
 }
 
-/// Interprets an error, or the event that reports it.
+/// The reason for a failure. `error` is an exception, or the event that reports one.
 fn reason(error: &JsValue) -> NotKept {
     let target = Reflect::get(error, &"target".into()).unwrap_or_default();
     let inside = Reflect::get(&target, &"error".into()).unwrap_or_default();

@@ -1,7 +1,7 @@
-//! Exclusive use by one of several tabs: the latest one.
+//! Exclusive use by one of several tabs: the tab that claimed it last.
 //!
-//! A tab that takes over broadcasts its start time. A tab that receives a later time gives up its
-//! claim; one that receives an earlier time replies, so that exactly one tab is left whatever the
+//! A tab broadcasts the time of its claim. A tab that receives a later time gives up its own claim.
+//! A tab that receives an earlier time replies with its own, so that exactly one tab is left in any
 //! order of messages. Unlike the browser's locks, a broadcast channel also works on pages loaded
 //! without encryption.
 
@@ -9,7 +9,7 @@ use js_sys::Date;
 use wasm_bindgen::prelude::*;
 use web_sys::{BroadcastChannel, MessageEvent};
 
-/// An exclusive claim of this tab; dropping it ends it.
+/// An exclusive claim of this tab. Dropping it ends the claim.
 pub(super) struct Claim {
     name: String,
     channel: BroadcastChannel,
@@ -17,10 +17,10 @@ pub(super) struct Claim {
 }
 
 impl Claim {
-    /// Claims a name. `lost` is called when another tab claims it later.
+    /// Claims a name. Calls `lost` when another tab has claimed the name later.
     pub(super) fn new(name: &str, lost: impl Fn() + 'static) -> Option<Self> {
         let channel = BroadcastChannel::new(&format!("sidestep.{name}")).ok()?;
-        // Two claims in the same millisecond differ in the fraction.
+        // The random fraction distinguishes two claims in the same millisecond.
         let since = Date::now() + js_sys::Math::random();
         let answer = channel.clone();
         let on_message = Closure::<dyn FnMut(MessageEvent)>::new(move |event: MessageEvent| {

@@ -1,4 +1,4 @@
-//! Area needed for a given coverage: one family after another, SHFRS first.
+//! The area needed for a given coverage, for one family of sets after another (SHFRS first).
 
 use super::counting::longest;
 use super::{Asked, CONFIDENCE, Predicted, Report, Work};
@@ -10,14 +10,14 @@ use sidestep::shfrs::pareto::{Compared, POINTS, Pareto, ParetoSettings, pareto};
 use sidestep::shfrs::tuning::{Parts, Sample, Split};
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
 
-/// The question how much area a coverage costs.
+/// A question: how much area does a coverage cost?
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AreaQuestion {
-    /// Number of its reports.
+    /// The number in its reports.
     pub number: u32,
-    /// Choice of actions and number of steps ahead; widenings are ignored.
+    /// Choice of actions and number of future steps. The widenings are ignored.
     pub settings: ShfrsFile,
-    /// Indices of the tasks to train on, to calibrate with and to judge.
+    /// Indices of the tasks for training, for calibration and for the test.
     pub parts: Parts,
 }
 
@@ -27,16 +27,18 @@ impl Asked for AreaQuestion {
     }
 }
 
-/// Target coverages, as in the command line, where there are enough tasks.
+/// Target coverages, as in the `sidestep` command. Targets for which there are too few tasks are
+/// left out.
 const TARGETS: [f64; 3] = [0.75, 0.9, 0.95];
 
-/// The smallest target: with too few tasks for it, nothing is compared.
+/// The smallest target coverage. If there are too few tasks for it, nothing is compared.
 pub const LEAST_TARGET: f64 = TARGETS[0];
 
-/// One window of each task, as the command line draws it.
+/// One window per task, which is drawn as the `sidestep` command draws it.
 pub(super) const WINDOWS: WindowChoice = WindowChoice::RandomOne { seed: Split::USUAL.seed };
 
-/// Results for the baselines, in order, with the parts and steps ahead they are valid for.
+/// Results for the baselines, in order, and the parts and the number of future steps for which they
+/// are valid.
 #[derive(Default)]
 pub(super) struct Known {
     of: Option<(Parts, usize)>,
@@ -50,7 +52,7 @@ pub(super) struct Comparing {
     sample: Sample,
     steps: usize,
     settings: ParetoSettings,
-    /// Results so far, one per family.
+    /// The families to compare, in order.
     compared: Vec<Compared>,
     done: usize,
     found: Option<Pareto>,
@@ -87,7 +89,7 @@ impl Comparing {
         }))
     }
 
-    /// Judges one more family. Returns whether there are more.
+    /// Evaluates one more family. Returns whether there are more.
     pub(super) fn go_on(
         &mut self,
         prediction: &Predicted<'_>,

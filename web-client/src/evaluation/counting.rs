@@ -1,4 +1,4 @@
-//! How often predicted sets contain the future, task by task in random order.
+//! Counts how often predicted sets contain the future, task by task in random order.
 
 use super::{Asked, CONFIDENCE, Predicted, Report, Work};
 use serde::{Deserialize, Serialize};
@@ -11,10 +11,10 @@ use sidestep::shfrs::file::ShfrsFile;
 use sidestep::shfrs::probability::{Count, admits_everything};
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
 
-/// The question how often sets contain the future.
+/// A question: how often do the sets contain the future?
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Question {
-    /// Number of its reports.
+    /// The number in its reports.
     pub number: u32,
     /// Settings of the sets.
     pub settings: ShfrsFile,
@@ -28,7 +28,7 @@ impl Asked for Question {
     }
 }
 
-/// Windows from every step, as replays show them.
+/// Windows from every step, as in replays.
 const WINDOWS: WindowChoice = WindowChoice::EveryStep;
 
 /// A question in progress.
@@ -38,12 +38,13 @@ pub(super) struct Counting {
     tolerance: Tolerance,
     /// Indices of the tasks to count, in the order of the question.
     tasks: Vec<usize>,
-    /// Order in which they are counted: random, so that the first estimates are unbiased.
+    /// The order in which the tasks are counted. It is random, so that the first estimates are
+    /// unbiased.
     order: Vec<usize>,
     /// Number of tasks counted.
     done: usize,
     count: Count,
-    /// Whether the page knows all counts.
+    /// Whether all counts were reported to the page.
     is_told: bool,
 }
 
@@ -101,7 +102,7 @@ impl Counting {
     }
 }
 
-/// Accepts this number of steps ahead if one of these tasks is that long.
+/// Checks that at least one of these tasks has this number of future steps.
 pub(super) fn longest<'a>(
     tasks: impl Iterator<Item = &'a Trajectory>,
     steps: usize,

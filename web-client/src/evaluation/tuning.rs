@@ -1,4 +1,4 @@
-//! Settings with the least area for a given coverage, tuned as `sidestep shfrs` does.
+//! Tunes settings for the smallest area at a given coverage, as `sidestep shfrs` does.
 
 use super::areas::WINDOWS;
 use super::counting::longest;
@@ -12,17 +12,17 @@ use sidestep::shfrs::tuning::{Parts, Sample, TuningSettings, candidates, tune_wa
 use sidestep::shfrs::window::Trajectory;
 use sidestep::stats::Estimate;
 
-/// Aim of tuning.
+/// What to tune the settings for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Aim {
-    /// Number of its reports.
+    /// The number in its reports.
     pub number: u32,
     /// The probability that a trajectory stays inside F_1, in (0, 1).
     pub p: f64,
-    /// The probability that calibration may fail, if the guarantee is for each calibration; `None`
-    /// for one on average over calibrations.
+    /// The probability that calibration may fail, if the guarantee is to hold for each calibration.
+    /// `None` if it is to hold on average over calibrations.
     pub delta: Option<f64>,
-    /// Steps ahead, T.
+    /// The number of future steps T.
     pub steps: usize,
     /// Indices of the tasks for the choice of actions, for ε and for the coverage.
     pub parts: Parts,
@@ -35,7 +35,7 @@ impl Asked for Aim {
 }
 
 impl Aim {
-    /// The guarantee to reach.
+    /// The guarantee that the settings must have.
     #[must_use]
     pub fn guarantee(&self) -> Guarantee {
         self.delta.map_or(Guarantee::Conformal, |delta| Guarantee::Pac { delta })
@@ -45,7 +45,7 @@ impl Aim {
 /// Result of tuning.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Found {
-    /// The settings: one set.
+    /// The settings, with one set.
     pub settings: ShfrsFile,
     /// The requested probability.
     pub p: f64,
@@ -53,14 +53,14 @@ pub struct Found {
     pub actions: String,
     /// The guarantee in words, with its scope.
     pub statement: String,
-    /// Numbers of tasks for the choice of actions, for ε and for the coverage, and of tasks without
-    /// a window.
+    /// The numbers of tasks for the choice of actions, for ε and for the coverage, and the number
+    /// of tasks without a window.
     pub tasks: [usize; 4],
-    /// Share of the test tasks that stay inside, with its interval.
+    /// The share of the test tasks that stay inside, with its confidence interval.
     pub coverage: Estimate,
-    /// Mean area of the tube of F_1, m².
+    /// Mean area of the tube of F_1 (m²).
     pub mean_area_m2: f64,
-    /// The same as a share of the worst case's area.
+    /// The mean area as a share of the worst case's area.
     pub share_of_worst_case: f64,
 }
 
@@ -83,7 +83,7 @@ impl Tuning {
         Ok(Work::Tuning(Self { number: aim.number, aim, sample, found: None }))
     }
 
-    /// Tunes in a single piece, which reports its progress.
+    /// Tunes in a single piece. Passes progress reports to `progress`.
     pub(super) fn go_on(
         &mut self,
         prediction: &Predicted<'_>,
@@ -116,7 +116,7 @@ impl Tuning {
         Ok(false)
     }
 
-    /// The result, once.
+    /// The result. It is returned only once.
     pub(super) fn report(&mut self) -> Option<Report> {
         let found = Some(self.found.take()?);
         Some(Report { number: self.number, done: 1.0, found, ..Report::default() })

@@ -1,4 +1,4 @@
-//! Parses text to a tree, and deserializes types from the tree.
+//! Parses a text into a tree of values, and deserializes types from the tree.
 
 use serde::de::value::StrDeserializer;
 use serde::de::{DeserializeSeed, Deserializer, MapAccess, SeqAccess, Visitor};
@@ -12,12 +12,12 @@ pub(super) enum Json {
     Number(f64),
     Text(String),
     List(Vec<Json>),
-    /// Values by name.
+    /// Names and values.
     Object(Vec<(String, Json)>),
 }
 
-/// A value does not have the expected shape. There are no details: code that formats messages
-/// nobody sees would cost a good part of the saving.
+/// A value does not have the expected shape. There are no details: nobody sees them, and code that
+/// formats messages would cancel much of the savings.
 #[derive(Debug)]
 pub(super) struct Unfit;
 
@@ -100,7 +100,7 @@ pub(super) fn parse(text: &[u8]) -> Option<Json> {
     serde_json::from_slice(text).ok().map(tree)
 }
 
-/// Largest magnitude up to which a double holds every whole number exactly.
+/// The largest magnitude up to which a double represents every whole number exactly.
 const WHOLE: f64 = 9_007_199_254_740_992.0;
 
 macro_rules! same {
@@ -111,9 +111,9 @@ macro_rules! same {
     )*)*};
 }
 
-/// Types that declare their format are deserialized from that format alone: the compiler leaves out
-/// all other ways, which are much of the code. Nothing is moved out of the tree, so that nothing
-/// must be dropped half-way.
+/// Types that request a specific format are deserialized only from that format, so the compiler can
+/// leave out the code for all other formats, which is large. Nothing is moved out of the tree, so
+/// no partially moved value must be dropped.
 impl<'de> Deserializer<'de> for &Json {
     type Error = Unfit;
 
@@ -121,7 +121,7 @@ impl<'de> Deserializer<'de> for &Json {
         match self {
             Json::Null => visitor.visit_unit(),
             Json::Bool(_) => self.deserialize_bool(visitor),
-            // Visitors of whole numbers accept only those; visitors of floats accept both.
+            // Visitors of whole numbers accept only whole numbers. Visitors of floats accept both.
             Json::Number(n) if is_whole(*n) && n.to_bits() != (-0.0f64).to_bits() => {
                 self.deserialize_i64(visitor)
             }
@@ -185,8 +185,9 @@ impl<'de> Deserializer<'de> for &Json {
         self.deserialize_seq(visitor)
     }
 
-    /// A struct is read as the sequence of its fields in declaration order: the compiler then
-    /// leaves out name matching, detection of duplicates and drops of partial values for each type.
+    /// A struct is read as the sequence of its fields in declaration order. For each type, the
+    /// compiler can then leave out name matching, the detection of duplicates and the drops of
+    /// partial values.
     fn deserialize_struct<V: Visitor<'de>>(
         self,
         _: &'static str,
@@ -280,14 +281,14 @@ impl<'de> SeqAccess<'de> for Struct<'_> {
         let value = self.next();
         match (seed.deserialize(value.unwrap_or(&Json::Null)), value) {
             (Ok(read), _) => Ok(Some(read)),
-            // An absent field that is not optional gets its default, if there is one.
+            // An absent field that is not optional gets its default, if it has one.
             (Err(_), None) => Ok(None),
             (Err(unfit), Some(_)) => Err(unfit),
         }
     }
 }
 
-/// The remaining fields of an object. The first one stays until its value has been read.
+/// The remaining fields of an object. The first field stays until its value has been read.
 struct Fields<'a>(&'a [(String, Json)]);
 
 impl<'de> MapAccess<'de> for Fields<'_> {

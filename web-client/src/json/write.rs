@@ -1,4 +1,4 @@
-//! Serializes types to text.
+//! Serializes types to JSON text.
 
 use super::number;
 use super::read::Unfit;
@@ -63,7 +63,7 @@ impl<'a> Entries<'a> {
     }
 }
 
-/// Whole numbers in wire types are small enough to be exact as doubles.
+/// Formats a whole number as a double. Whole numbers in wire types are small enough to be exact.
 macro_rules! numbers {
     ($($method:ident $type:ty),*) => {$(
         fn $method(self, number: $type) -> Result<(), Unfit> {
@@ -72,7 +72,7 @@ macro_rules! numbers {
     )*};
 }
 
-/// Data types that wire types do not use.
+/// Methods for data types that wire types do not use.
 macro_rules! never {
     ($($method:ident($($type:ty),*) -> $answer:ty;)*) => {$(
         fn $method(self, $(_: $type),*) -> Result<$answer, Unfit> {
@@ -121,7 +121,7 @@ impl<'a> Serializer for Writer<'a> {
         if !value.is_finite() {
             return self.serialize_unit();
         }
-        // The browser writes −0 without its sign.
+        // The browser would write −0 without its sign.
         let is_negative_zero = value == 0.0 && value.is_sign_negative();
         self.0.push_str(&if is_negative_zero { "-0.0".to_owned() } else { number(value) });
         Ok(())

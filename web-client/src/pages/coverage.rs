@@ -1,4 +1,5 @@
-//! How often predicted sets contain the future: the question for the evaluator, and its counts.
+//! How often predicted sets contain the future: the question to the evaluator, and the counts in
+//! its answer.
 
 use crate::evaluation::Report;
 use crate::evaluation::counting::Question;
@@ -13,19 +14,20 @@ use sidestep::stats::Estimate;
 /// The newest question and its answer so far.
 #[derive(Default)]
 pub(super) struct Coverage {
-    /// Whether all tasks are counted; otherwise only those that did not train the predictor.
+    /// Whether all tasks are counted. Otherwise only the tasks that did not train the predictor are
+    /// counted.
     pub(super) counts_all: bool,
     /// Number of the last request to the evaluator.
     number: u32,
     /// Number of tasks to count.
     pub(super) tasks: usize,
-    /// Share of them counted so far.
+    /// Fraction of these tasks that are counted so far.
     pub(super) done: f64,
-    /// Counts for this question, or still for the previous one.
+    /// Counts for this question or, until those arrive, for the previous one.
     regions: Option<Regions>,
-    /// Whether they are for the previous question.
+    /// Whether the counts are for the previous question.
     is_old: bool,
-    /// Why nothing can be counted, if so.
+    /// Why nothing can be counted.
     pub(super) trouble: Option<String>,
 }
 
@@ -34,7 +36,7 @@ impl Coverage {
         Self { counts_all, ..Self::default() }
     }
 
-    /// A number for the next request; reports with other numbers are outdated.
+    /// A number for the next request. Reports with other numbers are then outdated.
     pub(super) fn next(&mut self) -> u32 {
         self.number += 1;
         self.number
@@ -46,13 +48,13 @@ impl Coverage {
         (self.regions, self.trouble, self.done, self.tasks) = (None, None, 0.0, 0);
     }
 
-    /// A question about these settings and tasks.
+    /// Creates a question about these settings and tasks.
     pub(super) fn ask(&mut self, settings: ShfrsFile, tasks: Vec<usize>) -> Question {
         (self.tasks, self.done, self.is_old, self.trouble) = (tasks.len(), 0.0, true, None);
         Question { number: self.next(), settings, tasks }
     }
 
-    /// Parses a report of the evaluator; `None` if it answers an outdated request.
+    /// Parses a report of the evaluator. Returns `None` if it answers an outdated request.
     pub(super) fn newest(&mut self, answer: Answer) -> Option<Report> {
         let content = match answer {
             Ok(content) => content,
@@ -73,14 +75,15 @@ impl Coverage {
         }
     }
 
-    /// The counts for this number of sets, and whether they are for the previous settings.
+    /// The counts, if they are for this number of sets, and whether they are for the previous
+    /// settings.
     pub(super) fn regions(&self, sets: usize) -> Option<(&Regions, bool)> {
         let regions = self.regions.as_ref().filter(|regions| regions.epsilon.len() == sets)?;
         Some((regions, self.is_old))
     }
 }
 
-/// An error in the settings, in the page's words: sets and steps count from 1.
+/// Rewords an error in the settings for this page, where sets and steps are numbered from 1.
 pub(super) fn worded(said: &str) -> String {
     for (field, words) in [("epsilon[", "ε of F"), ("k[", "k of step ")] {
         let parts = said.strip_prefix(field).and_then(|rest| rest.split_once(']'));

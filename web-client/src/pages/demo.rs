@@ -1,5 +1,6 @@
-//! The demonstration: the user drives, or watches a synthetic driver, with level sets and predicted
-//! sets drawn live. The sets are those of a model that learns from every scene.
+//! The demonstration: the user drives, or watches a synthetic driver, while level sets and
+//! predicted sets are drawn live. The predicted sets come from a model that learns from every
+//! scene.
 
 mod driver;
 mod score;
@@ -27,41 +28,41 @@ use std::ops::ControlFlow;
 
 /// The page.
 pub enum DemoPage {
-    /// It cannot start, for this reason.
+    /// The page cannot start, for this reason.
     Failed(String),
-    /// It has started.
+    /// The page has started.
     Open(Box<Demo>),
 }
 
 /// Messages to the demonstration.
 #[derive(Clone, Debug)]
 pub enum Msg {
-    /// Starts the scene, or the next one after a scene.
+    /// Starts the current scene or, if it is over, the next one.
     Start,
     /// Pauses or resumes a synthetic driver.
     Pause,
     /// Abandons the scene and returns to its start.
     GiveUp,
-    /// Another driver, with a new model.
+    /// Switches to another driver, with a new model.
     Drive(Driver),
     /// The key with this code went down or up.
     Key(String, bool),
-    /// The window lost the keyboard; whether the page is hidden.
+    /// The window lost the keyboard. The flag says whether the page is hidden.
     FocusLost(bool),
     /// Shows or hides the layer at this index in [`LAYERS`].
     Layer(usize),
-    /// The colours of the predicted sets.
+    /// Sets the colours of the predicted sets.
     Colours(FieldValue),
     /// Shows or hides the legend.
     Legend,
-    /// Time to update the displayed numbers.
+    /// The displayed numbers are due for an update.
     Frame,
     /// The scene is over.
     Over,
 }
 
 impl DemoPage {
-    /// The page as it opens.
+    /// Creates the page and its first commands.
     #[must_use]
     pub fn open(address: &Address) -> (Self, Commands<Msg>) {
         let page = match Demo::open(address) {
@@ -139,40 +140,40 @@ pub struct Demo {
     stage: Stage,
     playback: Playback,
     score: Score,
-    /// Points of the finished scenes.
+    /// Points of each finished scene.
     points: Vec<u32>,
     model: Model,
     view: View,
     keys: KeyMap,
     held: HeldKeys,
     shows_legend: bool,
-    /// When the numbers were last updated, ms.
+    /// The time of the last update of the numbers (ms).
     shown_ms: f64,
     picture: Picture,
-    /// Errors in the link.
+    /// Error message about the link.
     misread: Option<String>,
 }
 
 /// State of the current scene.
 enum Stage {
-    /// It waits for its driver.
+    /// The scene waits for its driver to start.
     Ready,
-    /// It is being driven.
+    /// The scene is being driven.
     Driving(Box<Driving>),
-    /// It ended at this time, ms.
+    /// The scene ended at this time (ms).
     Over(f64),
 }
 
 /// The canvas element's id.
 const CANVAS: &str = "demo";
 
-/// Interval between two updates of the numbers; faster changes are unreadable.
+/// Interval between two updates of the numbers (ms). Faster changes would be unreadable.
 const NUMBERS_EVERY_MS: f64 = 60.0;
 
-/// How long the end of a synthetic driver's scene is shown before the next one starts, ms.
+/// How long the end of a synthetic driver's scene is shown before the next scene starts (ms).
 const REST_MS: f64 = 2500.0;
 
-/// Margin around both vehicles for the predicted sets and the danger disc, m.
+/// Margin around both vehicles for the predicted sets and the danger zone (m).
 const ROOM_M: f64 = 4.5;
 
 /// Number of scenes generated at a time.
@@ -181,7 +182,7 @@ const BLOCK: usize = 12;
 impl Demo {
     fn open(address: &Address) -> Result<Self, Invalid> {
         let parameters = SceneParameters::default();
-        // Both vehicles are alike, so the closed form serves both.
+        // Both vehicles are identical, so the closed form serves both.
         let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))
             .map_err(|error| Invalid::new("safety levels", "a solution", error))?;
         let named = Driver::of_query(address.parameter("driver"));
@@ -273,7 +274,7 @@ impl Demo {
                 }
             }
             Msg::Legend => self.shows_legend = !self.shows_legend,
-            // The picture is up to date already.
+            // The picture is already up to date.
             Msg::Frame => return Ok(()),
             Msg::Over => return self.over(now_ms),
         }
@@ -379,7 +380,7 @@ impl Demo {
         }
     }
 
-    /// Updates the playback to this time of the scene in progress.
+    /// Updates the playback to this time in the scene that is being driven.
     fn go_to(&mut self, now_ms: f64) -> Result<(), Invalid> {
         if let Stage::Driving(driving) = &self.stage {
             let (inputs, states) = (driving.inputs(), driving.states());
@@ -393,7 +394,7 @@ impl Demo {
         self.show()
     }
 
-    /// Ends the scene: computes its points and learns from it.
+    /// Ends the scene: computes its points, and lets the model learn from it.
     fn over(&mut self, now_ms: f64) -> Result<(), Invalid> {
         if let Stage::Driving(driving) = &mut self.stage
             && driving.tick(now_ms)
@@ -401,14 +402,14 @@ impl Demo {
             self.go_to(now_ms)?;
             self.points.push(self.score.points);
             self.model.learn(&self.playback, &self.safety)?;
-            // The panel shows the new model at once.
+            // The panel shows the new model immediately.
             self.playback.use_learned(Some(self.model.learned.clone()))?;
             self.stage = Stage::Over(now_ms);
         }
         self.show()
     }
 
-    /// Paints the current instant.
+    /// Paints the scene at the current time.
     fn show(&mut self) -> Result<(), Invalid> {
         self.playback.go(&self.view)?;
         let now = self.playback.now();
@@ -426,22 +427,23 @@ impl Demo {
     }
 }
 
-/// The parameters of a replay's link that this page has too.
+/// The link parameters of a replay that this page also has.
 const SEEN: [&str; 5] = ["show", "hr", "rh", "sets", "colours"];
 
-/// Whether a layer is offered. Those that need the future are not: it is unknown while driving.
+/// Whether a layer is offered. Layers that need the future are not, because it is unknown while
+/// driving.
 fn is_offered(layer: &sidestep::trial_view::layers::Layer) -> bool {
     layer.name != "future"
 }
 
-/// The scenes of a block, the same for every user.
+/// The scenes of a block. They are the same for every user.
 fn block(parameters: &SceneParameters, number: usize) -> Result<Vec<Scene>, Invalid> {
     let range = EncounterRange::default();
     let drawn = generate(parameters, &range, BLOCK, 1 + number as u64)?;
     Ok(drawn.into_iter().map(|(scene, _)| scene).collect())
 }
 
-/// Indices of the layers offered.
+/// Indices of the layers that this page offers.
 fn offered() -> impl Iterator<Item = usize> {
     LAYERS.iter().enumerate().filter(|(_, layer)| is_offered(layer)).map(|(place, _)| place)
 }

@@ -1,5 +1,5 @@
-//! The explorer of one participant's predicted sets: every setting of the prediction updates the
-//! sets at one instant, and the probabilities counted over the participant's tasks.
+//! The explorer for one participant's predicted sets. Every change of a setting updates the sets at
+//! one instant, and the probabilities counted over the participant's tasks.
 
 mod predictor;
 mod tuning;
@@ -34,7 +34,7 @@ use sidestep::trial_view::view::View;
 
 /// The page of one participant.
 pub enum ExplorerPage {
-    /// The tasks of this participant are loading; the address describes the view.
+    /// The tasks of the participant with this id are loading. The address describes the view.
     Loading(String, Address),
     /// There is nothing to explore, for this reason.
     Failed(String),
@@ -47,11 +47,12 @@ pub enum ExplorerPage {
 pub enum Msg {
     /// The server sent the tasks.
     Drives(Answer),
-    /// The server or the solver reports on the value function of this vehicle as the evader.
+    /// A report from the server or the solver about the value function in which this vehicle
+    /// evades.
     ValueFunction(Evader, Solving),
     /// Stop solving.
     StopSolving,
-    /// Request, or solve, again the functions that are missing.
+    /// Request or solve the missing value functions again.
     SolveAgain,
     /// Use another predictor.
     Choose(FieldValue),
@@ -63,71 +64,71 @@ pub enum Msg {
     Analyses(Answer),
     /// The server listed the participant's models in this analysis.
     Models(String, Answer),
-    /// A report of the evaluator.
+    /// A report from the evaluator.
     Report(Answer),
-    /// A report of the comparer.
+    /// A report from the comparer.
     Areas(Answer),
-    /// A report of the tuner.
+    /// A report from the tuner.
     Tuned(Answer),
     /// Set the coverage to tune for.
     Aim(FieldValue),
     /// Set the guarantee to tune for.
     Guarantee(FieldValue),
-    /// Tune.
+    /// Start tuning.
     Tune,
     /// Stop tuning.
     StopTuning,
     /// Predict with the tuned settings.
     UseFound,
-    /// Use one of the paper's settings.
+    /// Use the paper's settings at this index in [`PRESETS`].
     Preset(usize),
-    /// Set the number of steps ahead.
+    /// Set the number of future steps.
     Steps(FieldValue),
     /// Set the number of sets.
     Count(FieldValue),
-    /// Set the widening of this set.
+    /// Set the widening of the set at this index.
     Epsilon(usize, FieldValue),
-    /// Choose actions by number or by probability.
+    /// Choose actions by their number or by their probability.
     By(FieldValue),
-    /// Set the least number of actions up to that step.
+    /// Let at least this number of actions count, up to the step in the field.
     UpTo(usize, FieldValue),
     /// Set the number of actions at each step.
     K(FieldValue),
-    /// Set the probability from which an action counts.
+    /// Set the probability threshold for actions.
     Tau(FieldValue),
-    /// Set the roll-out.
+    /// Set the kind of roll-outs.
     Rollout(FieldValue),
     /// Set all settings, as JSON.
     Json(FieldValue),
     /// Offer the settings as a file.
     Save,
-    /// Count only the tasks that did not train the predictor, or all.
+    /// Count only the tasks that did not train the predictor, or count all tasks.
     Counted(FieldValue),
     /// Show another task.
     Task(FieldValue),
     /// Go this many tasks forward, or back if negative.
     Next(i32),
-    /// Go to another time, s.
+    /// Go to another time (s).
     Seek(FieldValue),
     /// Go this many steps forward, or back if negative.
     Step(i32),
     /// Show or hide the layer at this index.
     Layer(usize),
-    /// Switch colours.
+    /// Switch to the other colours.
     Colours,
     /// Update the link.
     Link,
 }
 
 impl ExplorerPage {
-    /// The page as it opens.
+    /// Creates the page and its first commands.
     #[must_use]
     pub fn open(participant_id: &str, address: &Address) -> (Self, Commands<Msg>) {
         let ask = Request::get("drives", routes::admin_drives(participant_id), Msg::Drives);
         (Self::Loading(participant_id.to_owned(), address.clone()), vec![Command::Send(ask)])
     }
 
-    /// The page after the server's answer.
+    /// The page after the server has answered with the tasks.
     fn opened(id: &str, address: &Address, answer: Answer) -> (Self, Commands<Msg>) {
         let content = match answer {
             Ok(content) => content,
@@ -194,7 +195,7 @@ impl Page for ExplorerPage {
     }
 }
 
-/// The message for the key with this code.
+/// The message that the key with this code triggers, if any.
 fn key(code: &str) -> Option<Msg> {
     Some(match code {
         "ArrowLeft" => Msg::Step(-1),
@@ -212,33 +213,33 @@ fn key(code: &str) -> Option<Msg> {
 pub struct Explorer {
     participant_id: String,
     drives: Drives,
-    /// The tasks as the server sent them, for the evaluators.
+    /// The tasks as the server sent them. They are forwarded to the evaluators.
     content: Vec<u8>,
     /// Index of the current task.
     task: usize,
     sources: Sources<Msg>,
     choice: Choice,
-    /// The settings of the controls; may be invalid.
+    /// The settings that the controls show. They may be invalid.
     wanted: ShfrsFile,
-    /// The error in them, or in the last input, if any.
+    /// What is wrong with these settings or with the last input, if anything.
     complaint: Option<Invalid>,
     coverage: Coverage,
     areas: Areas,
     tuning: Tuning,
     playback: Playback,
     view: View,
-    /// The picture.
     picture: Picture,
-    /// Why no sets are predicted, if so.
+    /// Why no sets are predicted.
     trouble: Option<String>,
-    /// Errors in the link.
+    /// Error message about the link.
     misread: Option<String>,
 }
 
-/// Link parameters that the explorer itself uses.
+/// The link parameters that only the explorer itself uses.
 const NAMES: [&str; 2] = ["trial", "count"];
 
-/// Delay of updates to the link, ms: browsers limit how often a page changes its address.
+/// Delay before the link is updated (ms), because browsers limit how often a page may change its
+/// address.
 const LINK_AFTER_MS: f64 = 250.0;
 
 impl Explorer {
@@ -367,7 +368,7 @@ impl Explorer {
                 return self.change(|wanted| {
                     if let Some(preset) = PRESETS.get(place) {
                         let suited = preset.settings(actions).for_turn_rate(turn_rate);
-                        // The roll-out is set separately.
+                        // The kind of roll-outs is set separately.
                         *wanted = suited.with_rollout(wanted.rollout);
                     }
                     Ok(())
@@ -477,19 +478,18 @@ impl Explorer {
         trial_heading(study, *number, "explorer", *synthetic)
     }
 
-    /// Number of the predictor's actions; that of all inputs without a predictor.
+    /// The number of the predictor's actions. Without a predictor, the number of all inputs.
     fn actions(&self) -> usize {
         let learned = self.playback.learned();
         learned.map_or(ACTIONS, |learned| learned.predictor.classes().len())
     }
 
-    /// Whether the settings are valid. Otherwise neither the picture nor any number is shown for
-    /// them.
+    /// Whether the settings are valid. With invalid settings, no sets and no numbers are shown.
     fn is_valid(&self) -> bool {
         self.wanted.settings(self.actions()).is_ok()
     }
 
-    /// Changes the settings. Unreadable input changes nothing.
+    /// Changes the settings. Input that cannot be read changes nothing.
     fn change(
         &mut self,
         change: impl FnOnce(&mut ShfrsFile) -> Result<(), Invalid>,
@@ -519,7 +519,7 @@ impl Explorer {
             Err(invalid) => {
                 self.complaint = Some(invalid);
                 // Counting and tuning in progress are for outdated settings. A predictor that is
-                // being loaded is still needed.
+                // still loading is needed, so its request stays.
                 if self.playback.learned().is_some() {
                     self.coverage.forget();
                 }
@@ -528,7 +528,7 @@ impl Explorer {
         }
     }
 
-    /// Switches to another task. A predictor trained on the tasks before it changes too.
+    /// Switches to another task. A predictor trained on the tasks before it changes as well.
     fn go_to(&mut self, task: usize) -> Commands<Msg> {
         if task == self.task {
             return Vec::new();
@@ -537,8 +537,7 @@ impl Explorer {
         let Ok(mut playback) = Playback::new(recorded) else { return Vec::new() };
         let learned = self.playback.learned().cloned();
         if let Some(safety) = self.playback.safety().cloned() {
-            // This cannot fail without a predictor; with the same predictor it has succeeded
-            // before.
+            // Without a predictor, this cannot fail. With this predictor, it has succeeded before.
             let _ = playback.use_safety(safety);
             let _ = playback.use_learned(learned);
         }
@@ -561,7 +560,7 @@ impl Explorer {
         self.playback.paint(&self.view, picture);
     }
 
-    /// The settings as a file.
+    /// The settings as a file for download.
     fn file(&self) -> Command<Msg> {
         let content = json::write(&self.wanted) + "\n";
         Command::offer(Offer::File {
@@ -572,7 +571,7 @@ impl Explorer {
     }
 }
 
-/// The value of a slider in the format of a link.
+/// The value of a slider, formatted as in a link.
 fn words(value: &FieldValue) -> String {
     value.number().map_or_else(|| "nothing".to_owned(), |number| number.to_string())
 }

@@ -1,4 +1,4 @@
-//! The laboratory: sign-in and sign-out, and one page at a time, by address.
+//! The laboratory: sign-in, sign-out, and one page at a time, which the address selects.
 
 mod hosted;
 mod visit;
@@ -39,15 +39,15 @@ use std::rc::Rc;
 
 type Node = view::Node<Msg>;
 
-/// The laboratory, or the part of it in this program.
+/// The laboratory, or the part of it that belongs to this program.
 pub struct Lab<P> {
     address: Address,
     /// The session.
     session: Session,
     state: State,
-    /// Width of the window when it was opened, px.
+    /// Width of the window when the laboratory was opened (px).
     window_px: f64,
-    /// Number of pages opened. Messages for a page that was left are dropped.
+    /// Number of pages opened so far. Messages for a page that the user has left are dropped.
     visits: u32,
     /// Why signing in or out failed.
     trouble: Option<String>,
@@ -56,13 +56,13 @@ pub struct Lab<P> {
 
 /// State of the laboratory.
 enum State {
-    /// It is not yet known whether the user is signed in.
+    /// The server has not yet answered whether the user is signed in.
     Asking,
     SignedOut {
-        /// Whether a key is being checked by the server.
+        /// Whether the server is checking a key.
         busy: bool,
     },
-    /// No page has this address.
+    /// There is no page at this address.
     Nowhere,
     Open(AnyPage),
 }
@@ -72,7 +72,7 @@ enum State {
 pub enum Msg {
     /// Show another address.
     Address(Address),
-    /// The server reported whether the user is signed in, or whether a key is valid.
+    /// The server answered whether the user is signed in, or whether a key is valid.
     Session(Answer),
     /// The form with the key was submitted.
     SignIn(Form),
@@ -80,14 +80,14 @@ pub enum Msg {
     SignOut,
     /// The server answered the sign-out.
     SignedOut(Answer),
-    /// The server no longer knows the session.
+    /// The server reported that the session has ended.
     SessionEnded,
-    /// A message of the page of this visit.
+    /// A message to the page with this visit number.
     Page(u32, AnyMsg),
 }
 
 impl<P: Program> Lab<P> {
-    /// The laboratory when it opens.
+    /// Creates the laboratory and its first commands.
     #[must_use]
     pub fn open(context: PageContext) -> (Self, Commands<Msg>) {
         let session = Session { signed_in: false, name: String::new(), access: Access::Read };
@@ -99,7 +99,7 @@ impl<P: Program> Lab<P> {
         let key = if lab.is_open_to_all() { None } else { lab.key_of_address() };
         let commands = match key {
             Some(commands) => commands,
-            // Pages that are the same for every user start loading while the server checks the
+            // A page that is the same for every user starts loading while the server checks the
             // session.
             None if lab.is_open_to_all() || is_apart(&lab.address.path) => lab.show_address(),
             None => vec![who_is_there()],
@@ -107,7 +107,7 @@ impl<P: Program> Lab<P> {
         (lab, commands)
     }
 
-    /// Whether the page may be shown: it is open to all, or the user is signed in.
+    /// Whether the page may be shown, because it is open to all or the user is signed in.
     fn is_seen(&self) -> bool {
         self.session.signed_in || self.is_open_to_all()
     }
@@ -118,7 +118,7 @@ impl<P: Program> Lab<P> {
     }
 
     /// Signs in with the key in the address, if there is one. The key is removed from the address
-    /// at once, and so from history and screenshots.
+    /// at once, so that it is not in the history or in screenshots.
     fn key_of_address(&mut self) -> Option<Commands<Msg>> {
         let key = self.address.fragment.strip_prefix("key=")?.to_owned();
         self.address.fragment.clear();
@@ -165,8 +165,8 @@ impl<P: Program> Lab<P> {
         [Command::CancelAll].into_iter().chain(ask).chain(commands).collect()
     }
 
-    /// Wraps the page's commands; their messages return to this visit. The laboratory, not the
-    /// page, handles a session that has ended.
+    /// Wraps the page's commands, so that their messages return to this visit. If the session has
+    /// ended, the laboratory handles it instead of the page.
     fn lifted(&self, commands: Commands<AnyMsg>) -> Commands<Msg> {
         let visit = self.visits;
         let lift = move |message| Msg::Page(visit, message);
@@ -196,7 +196,7 @@ fn who_is_there() -> Command<Msg> {
     Command::Send(Request::get("session", api::SESSION, Msg::Session))
 }
 
-/// The page of a program at a path, and the id in the path.
+/// The page of this program at a path, and the id in the path.
 fn page_at<P: Program>(path: &str) -> Option<(&'static Route, &str)> {
     let mut pages = P::PAGES.iter().copied().flatten();
     pages.find_map(|route| Some((route, route.matches(path)?)))
@@ -248,13 +248,13 @@ impl<P: Program> Page for Lab<P> {
                 Ok(session) => {
                     self.session = session;
                     match self.state {
-                        // It is open already.
+                        // The page is already open.
                         State::Open(_) => Vec::new(),
                         _ => self.show_address(),
                     }
                 }
                 Err(Failure { status: 401, .. }) => {
-                    // A user who is not signed in yet gets no error message.
+                    // A user who has not tried to sign in gets no error message.
                     let gave_key = matches!(self.state, State::SignedOut { .. });
                     self.ask_for_key(gave_key.then(|| "That key is not valid.".to_owned()))
                 }
@@ -281,7 +281,7 @@ impl<P: Program> Page for Lab<P> {
                     let commands = page.update(message, now_ms);
                     self.lifted(commands)
                 }
-                // The user has left that page.
+                // The user has left the page of this message.
                 _ => Vec::new(),
             },
         }
@@ -320,7 +320,7 @@ impl<P: Program> Page for Lab<P> {
         if let Event::Address(address) = event {
             let path = &address.path;
             let is_lab = path == "/lab" || path.starts_with("/lab/");
-            // All other addresses are of another program. The program with the first page also
+            // All other addresses belong to other programs. The program with the first page also
             // reports addresses without a page.
             let is_ours = is_lab
                 && (page_at::<P>(path).is_some()
@@ -376,7 +376,7 @@ impl<P: Program> Lab<P> {
         let about = match &self.state {
             State::Asking | State::SignedOut { .. } => return header,
             _ if self.is_open_to_all() || !self.is_seen() => return header,
-            // The navigation shows which page is open, unless the page is not in it.
+            // The navigation already shows which of its pages is open.
             State::Open(page) if !NAVIGATION.iter().any(|(it, _)| is_current(it)) => page.title(),
             State::Open(..) | State::Nowhere => String::new(),
         };
@@ -391,7 +391,7 @@ impl<P: Program> Lab<P> {
         )
     }
 
-    /// The error message. The sign-in form has its own.
+    /// The error message, except on the sign-in form, which shows its own.
     fn alert(&self) -> Option<Node> {
         let is_signed_in = matches!(self.state, State::Open(..) | State::Nowhere);
         self.trouble.as_deref().filter(|_| is_signed_in).map(|why| alert("trouble", why))

@@ -1,4 +1,4 @@
-//! Models of analyses that a page can use for predictions.
+//! The models of analyses from which a page can choose for its predictions.
 
 use super::parts::{self, percent};
 use crate::runtime::{Address, Answer, Command, Commands, Request, encoded, read};
@@ -8,7 +8,7 @@ use sidestep::api::{
 };
 use sidestep::chart::fixed;
 
-/// A model of an analysis.
+/// A model of an analysis, by its file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Named {
     pub(super) analysis: String,
@@ -16,7 +16,7 @@ pub(super) struct Named {
 }
 
 impl Named {
-    /// The model in the address of the page, if any.
+    /// The model that the page's address names, if any.
     pub(super) fn of(address: &Address) -> Option<Self> {
         let text = |name: &str| address.parameter(name).map(str::to_owned);
         let (analysis, file) = (text("analysis"), text("file"));
@@ -26,7 +26,7 @@ impl Named {
         })
     }
 
-    /// The value of its option. An analysis id never contains a slash.
+    /// The value of the model's option in a list. An analysis id never contains a slash.
     pub(super) fn value(&self) -> String {
         format!("{}/{}", self.analysis, self.file)
     }
@@ -44,9 +44,9 @@ impl Named {
 
 /// A participant's models in the study's newest finished analysis.
 pub(super) enum Offered {
-    /// Loading.
+    /// The models are being loaded.
     Asked,
-    /// These models, of this analysis.
+    /// The id of the analysis, and its models.
     Models(String, Vec<PredictorSummary>),
     /// No analysis has finished.
     NoAnalysis,
@@ -65,8 +65,8 @@ impl Offered {
         Command::Send(Request::get("analyses", routes::admin_analyses(study), then))
     }
 
-    /// Takes the study's analyses, and requests the models of the participant with this number in
-    /// the newest finished one.
+    /// Processes the server's list of analyses. Requests the models of the participant with this
+    /// number in the newest finished analysis.
     pub(super) fn analyses<M: 'static>(
         &mut self,
         answer: Answer,
@@ -92,7 +92,7 @@ impl Offered {
         vec![Command::Send(Request::get("models", url, then))]
     }
 
-    /// Takes the participant's models in an analysis.
+    /// Processes the server's list of the participant's models in an analysis.
     pub(super) fn models(&mut self, analysis: String, answer: Answer) {
         *self = match read::<PredictorPage>(answer) {
             Ok(page) if page.predictors.is_empty() => Self::NoModels,
@@ -101,7 +101,7 @@ impl Offered {
         };
     }
 
-    /// The models, each with a label.
+    /// The models with their labels.
     pub(super) fn list(&self) -> Vec<(Named, String)> {
         let Self::Models(analysis, models) = self else { return Vec::new() };
         let named = |it: &PredictorSummary| {
@@ -118,7 +118,7 @@ impl Offered {
         models.iter().map(named).collect()
     }
 
-    /// Instructions for the user if there is no model to choose from.
+    /// What the user can do if there is no model to choose from.
     pub(super) fn hint<M>(&self, study: &str) -> Option<Node<M>> {
         let words = match self {
             Self::Asked | Self::Models(..) => return None,
@@ -150,8 +150,8 @@ pub(super) fn group<M>(words: String) -> Node<M> {
     el("optgroup").attr("label", words)
 }
 
-/// The groups of a list with these models. A link may name another model; the server's facts about
-/// it are in `source`.
+/// The groups of a selection list with these models. A link may name another model; `source` has
+/// the server's facts about it.
 pub(super) fn groups<M>(
     offered: &Offered,
     chosen: Option<&Named>,

@@ -1,4 +1,4 @@
-//! Parts shared by pages that show an instant of a trial: switches for layers, the legend, and the
+//! Parts for pages that show one instant of a trial: switches for layers, the legend, and the
 //! numbers of the prediction.
 
 use super::parts::{self, button, cell};
@@ -11,8 +11,8 @@ use sidestep::trial_view::style::{Palette, Sets};
 use sidestep::trial_view::view::View;
 use sidestep::vehicle::TurnInput;
 
-/// A switch for each layer that `offered` accepts, by its index in [`LAYERS`]. `key` is the label
-/// of the layer's key.
+/// A switch for each layer that `offered` accepts. For the layer at an index in [`LAYERS`], `key`
+/// is the label of its key, and `switched` the message of its switch.
 pub(super) fn switches<M>(
     view: &View,
     offered: impl Fn(&Layer) -> bool,
@@ -37,7 +37,7 @@ pub(super) fn switches<M>(
         .children(switches)
 }
 
-/// If the view asks for a later step than the last of `steps`, shows the last one and returns a
+/// If the view asks for a step after the last of `steps` steps, shows the last step and returns a
 /// notice.
 pub(super) fn fit(view: &mut View, steps: usize) -> Option<String> {
     let Sets::Step(wanted) = view.style.sets else { return None };
@@ -55,12 +55,12 @@ pub(super) fn switch<M>(test_id: &str, is_on: bool, message: M) -> Node<M> {
     button(test_id, message).class("switch").attr("aria-pressed", is_on)
 }
 
-/// Largest number of layers with a legend in one column.
+/// Maximum number of layers whose legend fits in one column.
 const ONE_COLUMN: usize = 6;
 
-/// The legend of the picture, or of both pictures, below them. Its width depends on the layers
-/// switched on, not on their content, so that the picture beside it keeps its size while a trial
-/// loads.
+/// The legend of the picture or, if `both`, of two pictures, then below them. Its width depends on
+/// which layers are switched on and not on their content, so that the picture beside it keeps its
+/// size while a trial loads.
 pub(super) fn legend<M>(items: Vec<LegendItem>, view: &View, both: bool) -> Node<M> {
     let layers = view.shown.iter().filter(|shown| **shown).count();
     let place = match (both, layers > ONE_COLUMN) {
@@ -72,7 +72,7 @@ pub(super) fn legend<M>(items: Vec<LegendItem>, view: &View, both: bool) -> Node
         let sign = drawn(item.sign.element(ColourStyle::Properties)).attr("aria-hidden", "true");
         el("li").child(sign).child(with_subscripts("span", &item.text))
     });
-    // It scrolls in a low window, so it must be reachable by keyboard.
+    // The legend scrolls in a low window, so it must be reachable by keyboard.
     el("ul")
         .class(place)
         .attrs(&[("aria-label", "Legend"), ("tabindex", "0")])
@@ -145,7 +145,7 @@ pub(super) fn regions<M>(
         .child(table.class("regions").test_id("regions"))
 }
 
-/// A length in metres, with a proper minus sign.
+/// Formats a length in metres, with a typographic minus sign.
 pub(super) fn metres(value: f64, decimals: usize) -> String {
     format!("{value:.decimals$} m").replace('-', "−")
 }

@@ -1,8 +1,8 @@
 //! The participant's page: consent, the check of keyboard and screen, instructions, one scene after
-//! another, questions, and the completion code. Safety levels are never shown here.
+//! another, questions, and the completion code. It never shows safety levels.
 //!
-//! The page is a state machine of `Stage`s. Sentences come from the server, in the participant's
-//! language.
+//! The page is a state machine of `Stage`s. Its sentences come from the server, in the
+//! participant's language.
 
 mod link;
 mod arena;
@@ -37,7 +37,7 @@ use sidestep::trial::Phase;
 use sidestep::vehicle::Pose;
 use std::rc::Rc;
 
-/// Pause before a retry, ms.
+/// Pause before a retry (ms).
 const RETRY_MS: f64 = 2000.0;
 
 /// Storage names of the chosen language and keys.
@@ -49,54 +49,56 @@ const STEERING: &str = "sidestep.keys";
 pub struct Participant {
     context: PageContext,
     link: Link,
-    /// Time of the last message, on the page's clock.
+    /// The time of the last message, on the page's clock (ms).
     now_ms: f64,
     study: Option<StudyInfo>,
     /// The chosen language, if any.
     language: Option<String>,
-    /// Whether the server was asked about the person named in the address.
+    /// Whether the study was requested together with the external id in the address.
     is_named: bool,
     /// All texts, in the participant's language.
     texts: Texts,
     session: Option<Session>,
-    /// The server's last report on the participation.
+    /// The server's last report about the participation.
     progress: Option<Progress>,
     plan: Vec<PlannedTrial>,
     /// Ids of the trials that the server has.
     stored: Vec<String>,
     outbox: Outbox,
-    /// How often each scene has started to move in front of the participant.
+    /// By trial id, how often each scene has started to move in front of the participant.
     exposures: Vec<(String, u32)>,
     steering: Steering,
     held: HeldKeys,
-    /// The last error, if it still matters.
+    /// The last error message, as long as it matters.
     trouble: Option<String>,
-    /// The action after a wrong answer in the check of understanding, once new questions have arrived.
+    /// What the study does after a wrong answer in the check of understanding. Set while new
+    /// questions are being loaded.
     renews: Option<AfterWrong>,
     /// The key of a sentence about the last scene, or the last answers.
     hint: Option<&'static str>,
-    /// Why this browser did not store a record, if so.
+    /// Why this browser could not store a record.
     not_kept: Option<NotKept>,
-    /// The trial that the server refused last; the participant repeats it.
+    /// The id of the trial that the server refused last. The participant repeats it.
     refused: Option<String>,
-    /// The number of stored trials when the page last requested the whole plan.
+    /// The number of stored trials when the server last sent the whole plan.
     plan_known_at: usize,
-    /// Whether the server has once reported missing trials although all seemed stored.
+    /// Whether the server has already reported missing data once, although everything seemed to be
+    /// stored.
     was_incomplete: bool,
     /// Requests to repeat after a pause.
     retry: Vec<fn(&Self) -> Command<Msg>>,
     /// The form sent last: the result of the check of understanding, or the answers.
     submitted: String,
-    /// Whether the page fills the screen or has requested it.
+    /// Whether the page fills the screen, and whether it has asked for that before.
     is_fullscreen: bool,
     was_fullscreen: bool,
-    /// Whether users who leave are asked for confirmation.
+    /// Whether the browser asks users for confirmation before they leave.
     is_guarded: bool,
-    /// Whether the participant is being asked about withdrawal.
+    /// Whether the page asks the participant to confirm the withdrawal.
     is_withdrawing: bool,
-    /// Whether to delete all data on withdrawal.
+    /// Whether a withdrawal deletes all data.
     deletes: bool,
-    /// Names of the vehicles: the human's and the robot's.
+    /// The names of the human's vehicle and of the robot.
     names: [Rc<str>; 2],
     stage: Stage,
 }
@@ -114,19 +116,19 @@ pub enum Msg {
     Language(String),
     /// Go to this part of the study.
     Go(Part),
-    /// Choose other keys (true), or restore the defaults (false).
+    /// Start to choose other keys (true), or restore the default keys (false).
     ChooseKeys(bool),
     /// The server answered the enrolment.
     Enrolled(Answer),
-    /// The browser has stored the participant's token, or failed to.
+    /// The browser has stored the participant's token, or failed to do so.
     SessionKept(Result<(), NotKept>),
-    /// The browser has stored something dispensable, or failed to.
+    /// The browser has stored a dispensable record, or failed to do so.
     Noted,
-    /// The server reported the trials that it has.
+    /// The server reported the progress of the participation.
     Progress(Answer),
     /// The participant answered the check of understanding.
     Checked(Form),
-    /// The server has stored the result of the check.
+    /// The server answered the upload of the check's result.
     Understood(Answer),
     /// The participant starts the next scene.
     Start,
@@ -134,7 +136,7 @@ pub enum Msg {
     Clock,
     /// The participant answered the questions after the last scene.
     Questions(Form),
-    /// The server has stored the answers.
+    /// The server answered the upload of the answers.
     Answered(Answer),
     /// A message to the outbox.
     Outbox(outbox::Msg),
@@ -144,11 +146,11 @@ pub enum Msg {
     Completed(Answer),
     /// Enter or leave full screen.
     Fullscreen(bool),
-    /// Withdraw; true deletes all data.
+    /// Withdraw. True also deletes all data.
     Withdraw(bool),
     /// The server answered the withdrawal.
     Withdrawn(Answer),
-    /// Continue in this tab.
+    /// Reload the page and continue in this tab.
     Here,
     /// Forget the current test participant, and begin a new test run.
     Afresh,
@@ -159,7 +161,7 @@ pub enum Msg {
 pub enum Part {
     /// Consent, although the device seems to have no keyboard.
     Welcome,
-    /// Keyboard and screen, after consent.
+    /// The check of keyboard and screen, after the consent.
     Equipment,
     /// Enrolment.
     Enrolment,
@@ -171,12 +173,12 @@ pub enum Part {
     Ready,
     /// The question whether to withdraw.
     Withdrawal,
-    /// Back from there to the study.
+    /// From the question about withdrawal back to the study.
     Study,
 }
 
 impl Participant {
-    /// The page as it opens.
+    /// Creates the page and its first commands.
     #[must_use]
     pub fn open(context: PageContext) -> (Self, Commands<Msg>) {
         let link = Link::of(&context.address);
@@ -199,7 +201,7 @@ impl Participant {
         self.kept_text(name).and_then(|text| json::read(text.as_bytes()))
     }
 
-    /// The same as text.
+    /// The same record as text.
     fn kept_text(&self, name: &str) -> Option<String> {
         let kept = self.context.kept.iter().find(|(known, _)| known == name);
         kept.map(|(_, text)| text.clone())
@@ -210,7 +212,8 @@ impl Participant {
         self.texts.get(key, &[])
     }
 
-    /// Joins sentences: Chinese has no space between them.
+    /// Joins sentences with the language's separator, because Chinese has no space between
+    /// sentences.
     fn join(&self, sentences: &[String]) -> String {
         let between = self.say("page.between");
         let mut joined = String::new();
@@ -262,7 +265,8 @@ impl Participant {
         self.ask("study", "GET", url, None, Msg::Study)
     }
 
-    /// Requests the texts in the chosen language, or in one that the browser prefers.
+    /// Requests the texts in the chosen language or, if none is chosen, in a language that the
+    /// browser prefers.
     fn ask_texts(&self) -> Command<Msg> {
         let mut url = routes::texts(&self.link.slug);
         if let Some(tag) = &self.language {
@@ -279,7 +283,7 @@ impl Participant {
         self.ask("complete", "POST", routes::COMPLETE, None, Msg::Completed)
     }
 
-    /// The names of both vehicles, as labels beside them.
+    /// Labels with the names of both vehicles, beside the vehicles.
     fn labels(&self, state: JointState) -> [Shape; 2] {
         let label = |pose: Pose, name: &Rc<str>, colour| Shape::Label {
             at: pose.position(),
@@ -392,7 +396,7 @@ impl Participant {
     }
 }
 
-/// The outbox's commands as the page's.
+/// Converts the outbox's commands to commands of the page.
 fn lifted(
     commands: impl IntoIterator<Item = Command<outbox::Msg>>,
 ) -> impl Iterator<Item = Command<Msg>> {
@@ -403,7 +407,7 @@ impl Page for Participant {
     type Msg = Msg;
 
     fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
-        // A key may have gone down just before the last frame, but the displayed time never goes
+        // The time of a key event may be before the last frame, but the displayed time never goes
         // back.
         self.now_ms = now_ms.max(self.now_ms);
         let is_answer = matches!(
@@ -461,8 +465,8 @@ impl Page for Participant {
         let changes = match &mut self.stage {
             Stage::Countdown(_, ends_ms, left_s) => {
                 let is_next = now_ms >= *ends_ms - 1000.0 * f64::from(left_s.saturating_sub(1));
-                // A scene does not start while a key is held: it starts a second after the keys are
-                // up.
+                // A scene does not start while a key is down. It starts one second after the keys
+                // are released.
                 is_next && (self.held.is_empty() || *left_s > 1)
             }
             Stage::Driving(_, drive) => drive.tick(now_ms),
@@ -509,7 +513,7 @@ impl Page for Participant {
         picture.tell("data-step", step);
         picture.tell("data-phase", trial.phase.word());
         picture.tell("data-trial", trial.id());
-        // The participant's view of a scene.
+        // The danger zone is drawn only in some phases.
         if let (true, Some(study)) = (trial.show_danger_zone, &self.study) {
             let radius_m = study.parameters.danger_radius_m;
             picture.push(stage::danger_zone(state.robot, radius_m));
@@ -518,7 +522,7 @@ impl Page for Participant {
         if self.link.simulates() {
             picture.tell("data-scene", told(&scene));
         }
-        // Names beside moving vehicles would distract.
+        // In later scenes, names beside moving vehicles would distract.
         if matches!(self.stage, Stage::Countdown(..)) || trial.phase == Phase::Familiarisation {
             picture.extend(self.labels(state));
         }
@@ -543,7 +547,7 @@ impl Page for Participant {
     }
 }
 
-/// Both vehicles for programs: x, y and heading of human and robot, and the goal.
+/// The scene for programs: x, y and heading of the human and of the robot, and the goal.
 fn told(scene: &Scene) -> String {
     let numbers = [
         scene.human.x,

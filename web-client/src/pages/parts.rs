@@ -1,16 +1,16 @@
-//! Parts shared by several pages.
+//! Parts that several pages share.
 
 use crate::runtime::Address;
 use crate::view::{Node, el};
 use sidestep::comparison::models::ModelName;
 use sidestep::trial::Flag;
 
-/// Shown while a request is in flight.
+/// Shown while a page is loading.
 pub(super) fn loading<M>() -> Node<M> {
     el("main").class("card").child(el("p").class("quiet").attr("role", "status").text("Loading…"))
 }
 
-/// Shown when a page of the laboratory cannot be.
+/// Shown when a page of the laboratory cannot be shown.
 pub(super) fn stuck<M>(title: &str, why: &str) -> Node<M> {
     el("main")
         .class("card")
@@ -30,12 +30,13 @@ pub(super) fn button<M>(test_id: &str, message: M) -> Node<M> {
     el("button").attr("type", "button").test_id(test_id).on_press(message)
 }
 
-/// An error message. Screen readers read it out at once.
+/// An error message. Screen readers read it aloud immediately.
 pub(super) fn alert<M>(test_id: &str, text: &str) -> Node<M> {
     el("p").class("trouble").attr("role", "alert").test_id(test_id).text(text)
 }
 
-/// An error message about the first query parameter that is not in `known`, if there is one.
+/// An error message about the first query parameter that is not in `known`, if there is such a
+/// parameter.
 pub(super) fn unknown(address: &Address, known: &[&[&str]]) -> Option<String> {
     let is_known = |name: &str| known.iter().any(|names| names.contains(&name));
     let (name, _) = address.query.iter().find(|(name, _)| !is_known(name))?;
@@ -50,8 +51,8 @@ pub(super) fn fact<M>(name: &str, value: impl Into<String>) -> Node<M> {
     el("div").child(el("dt").text(name)).child(el("dd").text(value))
 }
 
-/// A notice that the participants are synthetic, for every page with their data; nothing for data
-/// of people.
+/// A notice that a program drove. It is shown on every page with data of synthetic participants.
+/// `None` for data of people.
 pub(super) fn synthetic<M>(is_so: bool) -> Option<Node<M>> {
     let words = "Synthetic: a program drove, no person.";
     is_so.then(|| el("p").class("synthetic").test_id("marked-synthetic").text(words))
@@ -80,7 +81,7 @@ pub(super) fn count(n: impl ToString, noun: &str) -> String {
     format!("{n} {noun}{ending}")
 }
 
-/// A file size.
+/// Formats a file size.
 pub(super) fn size(bytes: u64) -> String {
     match bytes {
         0..1_000 => format!("{bytes} bytes"),
@@ -89,14 +90,14 @@ pub(super) fn size(bytes: u64) -> String {
     }
 }
 
-/// A share from 0 to 1 in percent.
+/// Formats a fraction from 0 to 1 as a percentage.
 pub(super) fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
 }
 
-/// A kind of model in words.
+/// The name of a kind of model.
 pub(super) fn model(word: &str) -> &str {
-    // A newer server may know others.
+    // A newer server may know other kinds of models.
     ModelName::of_word(word).map_or(word, |model| model.row().label)
 }
 

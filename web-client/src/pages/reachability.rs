@@ -1,5 +1,5 @@
-//! The value function of any game: maps, the solver's errors, optimal play from a click, and the
-//! set {V ≤ c} as a solid.
+//! The value function of any game: maps, the solver's errors, optimal play from a clicked position,
+//! and the sublevel set {V ≤ c} as a solid.
 
 mod found;
 mod keys;
@@ -22,39 +22,39 @@ use std::rc::Rc;
 /// The page.
 pub struct Reachability {
     view: View,
-    /// Errors in the link and in fields: the name, and a sentence.
+    /// Errors in the link and in fields: the parameter's name, and a message.
     misread: Vec<(String, String)>,
-    /// The solve in progress: its start on the page's clock, and the share done.
+    /// The solve in progress: its start on the page's clock (ms), and the fraction done.
     solving: Option<(f64, f64)>,
-    /// The share done of a file being written, or the reason for its failure.
+    /// The file that is being written: the fraction done, or why it failed.
     writing: Option<Result<f64, String>>,
-    /// The value function of `view`, or the previous one while another is being solved.
+    /// The value function of `view`. While that is being solved, the previous one.
     found: Option<Found>,
-    /// Why there is no value function, if so.
+    /// Why there is no value function.
     missing: Option<String>,
-    /// Position of the pointer, m, if it moved later than the cross-hair.
+    /// The position of the pointer (m), if the pointer moved after the cross-hair.
     pointer: Option<[f64; 2]>,
-    /// Optimal play from the cross-hair, or an error.
+    /// Optimal play from the cross-hair, or an error message.
     game: Option<Result<Play, String>>,
-    /// Where the pointer grabbed the tube, and the viewing angles then.
+    /// The position at which the pointer grabbed the tube, and the viewing angles at that time.
     held: Option<([f32; 2], [i16; 2])>,
-    /// Whether the browser draws solids, and the time for one, ms, once measured.
+    /// Whether the browser can draw solids, and how long it takes to draw one (ms), once measured.
     has_graphics: bool,
     frame_ms: Option<f64>,
-    /// Whether the user wants the solid although it is slow.
+    /// Whether the user wants the solid although drawing it is slow.
     insists: bool,
-    /// Whether the view has just changed.
+    /// Whether the view has changed within the last moments.
     moves: bool,
-    /// Width of the window, px.
+    /// Width of the window (px).
     window_px: f64,
 }
 
 /// Messages to the page.
 #[derive(Clone, Debug)]
 pub enum Msg {
-    /// The control with this name in links has another value.
+    /// The control for this link parameter has another value.
     Set(&'static str, FieldValue),
-    /// The solver reports.
+    /// A report from the solver.
     Solving(Solving),
     /// Stops solving.
     Stop,
@@ -66,7 +66,7 @@ pub enum Msg {
     Hold(Pointing),
     /// Whether the browser can draw solids.
     Graphics(bool),
-    /// It has drawn one in this time, ms.
+    /// The browser has drawn a solid in this time (ms).
     Drawn(f64),
     /// Draws the solid although it is slow.
     Insist,
@@ -76,7 +76,7 @@ pub enum Msg {
     Play,
     /// Updates the link to the current view.
     Link,
-    /// The window has this width, px.
+    /// The window now has this width (px).
     Width(f64),
     /// Offers the picture as SVG.
     SaveSvg,
@@ -84,28 +84,29 @@ pub enum Msg {
     SavePng,
     /// Offers the value function as a NumPy archive.
     SaveNpz,
-    /// A report of the solver that writes the archive.
+    /// A report from the solver that writes the archive.
     Writing(Solving),
 }
 
-/// Name of the solve, and of the timer of the link.
+/// Name of the solve for the page.
 const SOLVE: &str = "value-function";
 /// Name of the solve whose result is a file.
 const FILE: &str = "value-function-file";
 const LINK: &str = "link";
-/// The link is updated after this time without changes: browsers limit how often it may change.
+/// The link is updated after this time without changes (ms), because browsers limit how often it
+/// may change.
 const LINK_AFTER_MS: f64 = 250.0;
-/// The canvas element's id.
+/// Id of the canvas element.
 const CANVAS: &str = "solid";
-/// Above this drawing time, ms, a solid does not turn smoothly.
+/// Maximum time to draw a solid that turns smoothly (ms).
 const SLOW_MS: f64 = 50.0;
-/// Maximum width of the tube's picture, px, and its height as a share of the width. A wider place
-/// enlarges it; a narrower one shrinks it, but not its text.
+/// Maximum width of the tube's picture (px), and its height as a fraction of the width. A wider
+/// space enlarges the picture. A narrower space shrinks it, but not its text.
 const SOLID_PX: f64 = 640.0;
 const SOLID_HEIGHT: f64 = 0.75;
 
 impl Reachability {
-    /// The page as the address describes it.
+    /// Creates the page that the address describes, and its first commands.
     #[must_use]
     pub fn open(address: &Address, window_px: f64) -> (Self, Commands<Msg>) {
         let query = address.query.iter().map(|(name, value)| (name.as_str(), value.as_str()));
@@ -135,7 +136,7 @@ impl Reachability {
         (page, commands)
     }
 
-    /// Finds the value function of the view: at once if there is a closed form, otherwise in a
+    /// Gets the value function of the view: immediately if it has a closed form, otherwise from a
     /// worker.
     fn begin(&mut self, now_ms: f64) -> Commands<Msg> {
         self.missing = None;
@@ -159,7 +160,7 @@ impl Reachability {
         }
     }
 
-    /// Takes the value function, and how long its solve took, s.
+    /// Stores the value function, and how long the solve took (s).
     fn take(&mut self, function: Result<ValueFunction, String>, seconds: Option<f64>) {
         self.solving = None;
         match function {
@@ -184,7 +185,7 @@ impl Reachability {
         }
     }
 
-    /// Takes the value of a control, in the format of a link.
+    /// Sets a value from a control, in the format of a link.
     fn set(&mut self, name: &'static str, value: &FieldValue) {
         let text = match value {
             FieldValue::Number(Some(number)) => number.to_string(),
@@ -196,7 +197,7 @@ impl Reachability {
         }
     }
 
-    /// Moves the cross-hair to a position in the window, rounded to 0.1 cm.
+    /// Moves the cross-hair to a position in the window. Rounds it to a millimetre.
     fn aim(&mut self, at_m: [f64; 2]) {
         let Some(found) = &self.found else { return };
         let window = found.window();
@@ -242,14 +243,14 @@ impl Reachability {
         }
     }
 
-    /// Turns the tube with the pointer that grabbed it; the wheel scales it.
+    /// Turns the tube with the pointer that has grabbed it, or scales the tube with the wheel.
     fn hold(&mut self, Pointing { at, does }: Pointing) {
         match does {
             Does::Press => self.held = Some((at, self.view.turned_deg)),
             Does::Drag => {
                 if let Some((from, [around, above])) = self.held {
-                    // A drag across the whole width is a full turn, across the whole height half a
-                    // turn.
+                    // A drag across the whole width is a full turn. A drag across the whole height
+                    // is half a turn.
                     let [right, down] = [0, 1].map(|d| at[d] - from[d]);
                     let turned = [around - (360.0 * right) as i16, above + (180.0 * down) as i16];
                     self.look_from(turned);
@@ -271,7 +272,7 @@ impl Reachability {
         self.view.zoom_percent = percent.clamp(low, high);
     }
 
-    /// The view of the tube's box.
+    /// How the tube and its box are viewed.
     fn orbit(&self, found: &Found) -> Orbit {
         let zoom = f64::from(self.view.zoom_percent) / 100.0;
         let width = self.widths()[0].min(SOLID_PX);
@@ -284,9 +285,11 @@ impl Reachability {
         self.view.psi_deg = psi as u16;
     }
 
-    /// Widths of the map and of the world, px: side by side if there is room for both.
+    /// Widths of the map and of the world's picture (px). They are side by side if there is enough
+    /// space.
     fn widths(&self) -> [f64; 2] {
-        // Must match the style sheet: the panel, and the margins around and between the pictures.
+        // These numbers must match the style sheet: the panel, and the margins around and between
+        // the pictures.
         let is_narrow = self.window_px <= 760.0;
         let room = if is_narrow { self.window_px - 13.0 } else { self.window_px - 320.0 - 48.0 };
         let room = room.clamp(300.0, 992.0);
@@ -296,17 +299,19 @@ impl Reachability {
         }
     }
 
-    /// The position whose numbers are shown: the pointer, or else the cross-hair.
+    /// The position whose numbers are shown: that of the pointer or, without one, that of the
+    /// cross-hair.
     fn at_m(&self) -> [f64; 2] {
         self.pointer.unwrap_or(self.view.at_m)
     }
 
-    /// The relative state at this position.
+    /// The relative state at this position and the view's heading.
     fn state(&self, [x, y]: [f64; 2]) -> [f64; 3] {
         [x, y, self.view.psi()]
     }
 
-    /// Replays the game if it, the cross-hair or the heading has changed, and updates the tube.
+    /// Updates the pictures. Recomputes optimal play if the value function, the cross-hair or the
+    /// heading has changed.
     fn replay(&mut self) {
         let start = self.state(self.view.at_m);
         let widths = self.widths();
@@ -326,7 +331,8 @@ impl Reachability {
         }
     }
 
-    /// Marks over the map: the path of a game, the evader, and the pursuer at the cross-hair.
+    /// The marks over the map: the path of optimal play, the evader, and the pursuer at the current
+    /// position.
     fn marks(&self) -> Vec<Layer> {
         let path = self.game.iter().flatten().flat_map(Play::relative_path);
         path.chain(Map::vehicles(self.at_m(), self.view.psi())).collect()
@@ -345,18 +351,19 @@ impl Reachability {
         }
     }
 
-    /// Whether the tube is shown as a solid: the browser can draw it, and fast enough or on demand.
+    /// Whether the tube is shown as a solid. The browser must be able to draw it, and fast enough
+    /// unless the user insists.
     fn shows_solid(&self) -> bool {
         self.has_graphics && (self.insists || self.frame_ms.is_none_or(|ms| ms <= SLOW_MS))
     }
 
-    /// The tube cut at eight headings, for browsers that cannot draw solids.
+    /// The tube cut at eight headings, to show if the solid is not shown.
     fn small_multiples(&self, found: &Found) -> Drawing {
         let headings = [0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0];
         slices(found.function(), &headings, &[self.view.level_m])
     }
 
-    /// Offers the picture as a file of this kind.
+    /// Offers the picture as a file with this extension.
     fn save(&self, ending: &str, media_type: &'static str) -> Commands<Msg> {
         let name = self.file_name(ending);
         let content = self.drawing().map(|drawing| drawing.svg().into_bytes());
@@ -365,7 +372,7 @@ impl Reachability {
         download.into_iter().collect()
     }
 
-    /// Solves again for a file, because the page's values are rounded to a millimetre.
+    /// Solves again for a file, because the values on this page are rounded to a millimetre.
     fn begin_file(&mut self) -> Commands<Msg> {
         self.writing = Some(Ok(0.0));
         let task = Task { as_archive: true, ..task(&self.view) };
@@ -403,7 +410,7 @@ impl Reachability {
     }
 }
 
-/// The solver's task for a view.
+/// The solver's task for this view.
 fn task(view: &View) -> Task {
     let horizon_s = view.horizon_s.is_finite().then_some(view.horizon_s);
     Task {

@@ -36,7 +36,8 @@ use std::rc::Rc;
 
 /// The page of one trial.
 pub enum ReplayPage {
-    /// The trial is loading; the address describes the view. Messages before it arrives are queued.
+    /// The trial is loading. The address describes the view. Messages that arrive before the trial
+    /// are queued.
     Loading(Address, Vec<Msg>),
     /// There is nothing to replay, for this reason.
     Failed(String),
@@ -49,11 +50,11 @@ pub enum ReplayPage {
 pub enum Msg {
     /// The server sent the trial.
     Trial(Answer),
-    /// The server sent the predictor of this pane, or the data to learn it from.
+    /// The server sent the predictor of this pane, or the data from which to learn it.
     Predictor(Pane, Answer),
-    /// Use another predictor in this pane.
+    /// Choose another predictor in this pane.
     Choose(Pane, FieldValue),
-    /// Use the predictor in this file in this pane.
+    /// Use the predictor from this file in this pane.
     Open(Pane, FieldValue),
     /// Shows or hides the model finder for this pane.
     Find(Pane),
@@ -63,37 +64,38 @@ pub enum Msg {
     Beside,
     /// The server sent the participant's tasks.
     Drives(Answer),
-    /// A report of the evaluator on how often the sets of this pane contain the future.
+    /// A report from the evaluator on how often the sets of this pane contain the future.
     Chances(Pane, Answer),
     /// The server listed the study's analyses.
     Analyses(Answer),
     /// The server listed the participant's models in this analysis.
     Models(String, Answer),
-    /// The server or the solver reports on the value function of this vehicle as the evader.
+    /// A report from the server or the solver about the value function in which this vehicle
+    /// evades.
     ValueFunction(Evader, Solving),
     /// Stop solving.
     StopSolving,
-    /// Request, or solve, again the functions that are missing.
+    /// Request or solve the missing value functions again.
     SolveAgain,
     /// A key was pressed.
     Key(Key),
     /// Plays, or pauses.
     Play,
-    /// Goes to this time, s.
+    /// Goes to this time (s).
     Seek(f64),
-    /// Moves this many steps, to the start of a step.
+    /// Moves by this many steps, to the start of a step.
     Step(i32),
     /// Plays at this speed.
     Speed(FieldValue),
     /// Plays trials one after another, or stops at the end of this one.
     InARow,
-    /// Which predicted sets to draw.
+    /// Selects which predicted sets to draw.
     Sets(FieldValue),
-    /// The colours of the predicted sets.
+    /// Selects the colours of the predicted sets.
     Colours(FieldValue),
-    /// Which levels of this vehicle's value function to draw.
+    /// Selects which levels of this vehicle's value function to draw.
     Levels(Evader, FieldValue),
-    /// Shows or hides the layer at this place in [`LAYERS`].
+    /// Shows or hides the layer at this index in [`LAYERS`].
     Layer(usize),
     /// Shows or hides the legend.
     Legend,
@@ -103,30 +105,30 @@ pub enum Msg {
     SaveSvg,
     /// Offers the picture as PNG.
     SavePng,
-    /// Starts or ends filming the playback.
+    /// Starts or ends the film of the playback.
     Film,
     /// The film has ended, or failed for this reason.
     Filmed(Result<(), String>),
-    /// Time to update the numbers during playback.
+    /// The numbers are due for an update during playback.
     Frame,
     /// Updates the link.
     Link,
 }
 
 impl ReplayPage {
-    /// The page as it opens.
+    /// Creates the page and its first commands.
     #[must_use]
     pub fn open(trial_id: &str, address: &Address) -> (Self, Commands<Msg>) {
         let trial = Request::get("trial", routes::admin_trial(trial_id), Msg::Trial);
         let mut commands = vec![Command::Send(trial)];
-        // The server's training takes longest, so it runs while the trial is loading.
+        // Training by the server takes longest, so it runs while the trial is loading.
         if let Ask::Server(predictor) = first_choice(address).ask(trial_id) {
             commands.push(predictor);
         }
         (Self::Loading(address.clone(), Vec::new()), commands)
     }
 
-    /// Shows the trial that has arrived, and handles the queued messages.
+    /// Opens the trial that has arrived, and handles the queued messages.
     fn arrived(&mut self, answer: Answer, now_ms: f64) -> Commands<Msg> {
         let Self::Loading(address, early) = self else { return Vec::new() };
         let trial = read(answer).map_err(|Failure { status, sentence, .. }| match status {
@@ -149,7 +151,7 @@ impl ReplayPage {
     }
 }
 
-/// The predictor of the first pane in the address.
+/// The predictor that the address names for the first pane.
 fn first_choice(address: &Address) -> Choice {
     let query = address.query.iter().map(|(name, value)| (name.as_str(), value.as_str()));
     Choice::new(Pane::First, Source::of_query(query).unwrap_or_default().0)
@@ -221,7 +223,7 @@ impl Page for ReplayPage {
     }
 }
 
-/// A trial in replay.
+/// The replay of a trial.
 pub struct Replay {
     trial: TrialDetail,
     sources: Sources<Msg>,
@@ -229,7 +231,7 @@ pub struct Replay {
     /// The participant's tasks, once requested.
     tasks: Option<Tasks>,
     chances: Chances,
-    /// The participant's models in the newest analysis.
+    /// The participant's models in the newest analysis, to choose from.
     offered: Offered,
     /// The model finder, while shown.
     finder: Option<Finder>,
@@ -237,35 +239,35 @@ pub struct Replay {
     /// The second pane, while shown.
     beside: Option<Box<Beside>>,
     view: View,
-    /// Whether the next trial follows at the end.
+    /// Whether the next trial follows when this one ends.
     in_a_row: bool,
-    /// State of playback, while it plays.
+    /// The state of playback. `None` while it is paused.
     playing: Option<Playing>,
-    /// Whether it is being filmed. A film ends when playback pauses.
+    /// Whether the playback is being filmed. The film ends when playback pauses.
     filming: bool,
     shows_legend: bool,
     shows_numbers: bool,
     strip: Strip,
     /// The current picture.
     picture: Picture,
-    /// An error message, if any.
+    /// An error message about the pictures, if any.
     trouble: Option<String>,
-    /// Errors in the link.
+    /// Error message about the link.
     misread: Option<String>,
-    /// The reason why a requested film failed.
+    /// Why the last film failed, if it did.
     unfilmed: Option<String>,
 }
 
-/// Times on the page's clock, ms.
+/// Times of playback, on the page's clock.
 #[derive(Clone, Copy)]
 struct Playing {
-    /// Time up to which it has played.
+    /// The time up to which it has played (ms).
     until_ms: f64,
-    /// When the numbers were last updated.
+    /// The time of the last update of the numbers (ms).
     shown_ms: f64,
 }
 
-/// Interval between two updates of the numbers; faster changes are unreadable.
+/// Interval between two updates of the numbers (ms). Faster changes would be unreadable.
 const NUMBERS_EVERY_MS: f64 = 60.0;
 
 impl Replay {
@@ -318,7 +320,7 @@ impl Replay {
             replay.playing = Some(Playing { until_ms: now_ms, shown_ms: now_ms });
         }
         let mut commands = replay.sources.begin();
-        // The server's answer about the predictor is being loaded already.
+        // If the server must answer, its answer about the predictor is already being loaded.
         if let Ask::Nobody(method) = replay.choice.ask(&replay.trial.summary.trial_id) {
             replay.take(Pane::First, method.map(|method| *method));
         }
@@ -331,13 +333,13 @@ impl Replay {
     fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
         let mut commands = Vec::new();
         if matches!(message, Msg::Link) {
-            // During playback the link stays unchanged.
+            // During playback, the link is not updated.
             let link = (!self.is_playing()).then(|| Command::ReplaceAddress(self.address()));
             return link.into_iter().collect();
         }
-        // Any change of the view updates the link.
+        // A change of the view updates the link.
         let before = (!self.is_playing()).then(|| self.address());
-        // Panes whose prediction may change.
+        // The panes whose prediction may have changed.
         let panes = match &message {
             Msg::Predictor(pane, _) | Msg::Choose(pane, _) | Msg::Open(pane, _) => vec![*pane],
             Msg::ValueFunction(..) | Msg::Drives(_) => vec![Pane::First, Pane::Second],
@@ -357,7 +359,7 @@ impl Replay {
             Msg::Open(pane, content) => {
                 let learned = self.pane(pane).and_then(|(choice, _)| choice.open(&content));
                 if let Some(learned) = learned {
-                    // The pending request is obsolete.
+                    // The pending request for another predictor is obsolete.
                     commands = vec![Command::Cancel(pane.request())];
                     self.take(pane, Ok(learned.into()));
                 }
@@ -460,7 +462,7 @@ impl Replay {
         format!("/lab/replay/{trial_id}{mark}{}", parts.join("&"))
     }
 
-    /// The link to another trial from its start, in the same view.
+    /// The link to another trial in the same view, from the start of the trial.
     fn link_to(&self, trial_id: &str) -> String {
         self.link(trial_id, &View { time_s: 0.0, ..self.view.clone() })
     }
@@ -470,7 +472,7 @@ impl Replay {
         trial_heading(study, summary.participant_number, &summary.scene_words(), *synthetic)
     }
 
-    /// Takes the value of a control, in the format of a link. An invalid value changes nothing.
+    /// Sets a value from a control, in the format of a link. An invalid value changes nothing.
     fn set(&mut self, name: &str, value: &FieldValue) {
         let mut view = self.view.clone();
         match view.set(name, value.text()) {
@@ -529,8 +531,8 @@ impl Replay {
         }
     }
 
-    /// Moves this many steps. Between two steps, the first step back is to the start of the current
-    /// one.
+    /// Moves by this many steps. From a time within a step, the first step back leads to the start
+    /// of that step.
     fn step(&mut self, by: i32) {
         let (step_s, now) = (self.trial.parameters.step_s, self.playback.now());
         let is_between = now.time_s > (now.step as f64 + 1e-6) * step_s;
@@ -539,7 +541,7 @@ impl Replay {
         self.view.time_s = f64::from((from + by).clamp(0, last)) * step_s;
     }
 
-    /// Plays on to `now_ms`. Returns a message when the numbers must be updated.
+    /// Continues playback to `now_ms`. Returns a message when the numbers must be updated.
     fn play_to(&mut self, now_ms: f64) -> Option<Msg> {
         let playing = self.playing.as_mut()?;
         let seconds = (now_ms - playing.until_ms).max(0.0) / 1000.0;
@@ -561,7 +563,7 @@ impl Replay {
         None
     }
 
-    /// Films playback from here to the end, or to the next pause.
+    /// Films the playback from the current time to the end or to the next pause.
     fn film(&mut self, now_ms: f64) -> Commands<Msg> {
         self.playing = None;
         self.play_or_pause(now_ms);
@@ -575,7 +577,8 @@ impl Replay {
         })]
     }
 
-    /// At the end of playback, goes to the next trial if requested. A film is of one trial.
+    /// At the end of playback, goes to the next trial if the user wants that. A film contains only
+    /// one trial.
     fn at_the_end(&self) -> Commands<Msg> {
         let is_over = self.view.time_s >= self.playback.duration_s();
         let goes_on = self.in_a_row && is_over && !self.filming;
@@ -601,7 +604,8 @@ impl Replay {
         beside.playback.paint(&self.view, &mut beside.picture);
     }
 
-    /// Study, participant, scene and time, without characters that file names must not contain.
+    /// A file name with study, participant, scene and time. Replaces characters that file names
+    /// should not contain.
     fn file_name(&self, ending: &str) -> String {
         let time = self.playback.now().time_s;
         let words = format!("{} {time:.1} s", self.title()).replace(" / ", " ");
@@ -611,12 +615,13 @@ impl Replay {
     }
 }
 
-/// The canvas elements' ids.
+/// Ids of the canvas elements.
 const CANVAS: &str = "replay";
 const CANVAS_BESIDE: &str = "replay-beside";
-/// The name of the timer of the link.
+/// Name of the link's timer.
 const LINK: &str = "link";
-/// Delay of updates to the link, ms: browsers limit how often a page changes its address.
+/// Delay before the link is updated (ms), because browsers limit how often a page may change its
+/// address.
 const LINK_AFTER_MS: f64 = 250.0;
 /// The name of the film.
 const FILM: &str = "film";

@@ -1,5 +1,5 @@
-//! Source of value functions for a page that draws scenes: the server if it has solved them,
-//! otherwise a solver beside the page.
+//! Where a page that draws scenes gets value functions from: from the server if it has solved them,
+//! otherwise from a solver in a worker.
 
 use super::parts::button;
 use crate::runtime::{Answer, Command, Commands, Request, Solving};
@@ -10,33 +10,34 @@ use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Evader, SceneParameters};
 use std::rc::Rc;
 
-/// The functions of both vehicles as evaders, or their progress. One may serve both.
+/// The value functions in which either vehicle evades, or their progress. One function may serve
+/// both vehicles.
 pub(super) struct Sources<M> {
     sources: Vec<Source>,
-    /// Turns a report of the server or a solver into a message.
+    /// Converts a report of the server or a solver to a message.
     report: fn(Evader, Solving) -> M,
 }
 
-/// The source of one function, and its progress.
+/// Where one function comes from, and the progress of loading it.
 struct Source {
     evader: Evader,
-    /// Its id on the server; `None` if a solver beside this page finds it.
+    /// The function's id on the server. `None` if a solver of this page must compute it.
     id: Option<String>,
     game: PursuitGame,
     state: State,
 }
 
 enum State {
-    /// In progress; the share done.
+    /// In progress, with the fraction done.
     Underway(f64),
-    /// It is loaded.
+    /// Loaded.
     Known(ValueFunction),
-    /// It failed, for this reason.
+    /// Failed, for this reason.
     Missing(String),
 }
 
 impl Source {
-    /// Requests or solves it, possibly again.
+    /// Requests or solves the function, possibly again.
     fn ask<M: 'static>(&mut self, report: fn(Evader, Solving) -> M) -> Command<M> {
         self.state = State::Underway(0.0);
         let (name, evader) = (self.name(), self.evader);
@@ -55,7 +56,7 @@ impl Source {
         }
     }
 
-    /// The name of its request or solve.
+    /// The name of the function's request or solve.
     fn name(&self) -> &'static str {
         match self.evader {
             Evader::Human => "value-function-human",
@@ -73,8 +74,8 @@ impl Source {
 }
 
 impl<M: Clone + 'static> Sources<M> {
-    /// Creates the sources without any requests. `ids` are those of V_HR and V_RH on the server, if
-    /// it has solved them.
+    /// Creates the sources without sending any requests. `ids` are the ids of V_HR and V_RH on the
+    /// server, if the server has solved them.
     pub(super) fn new(
         parameters: &SceneParameters,
         ids: [Option<&str>; 2],
@@ -93,18 +94,18 @@ impl<M: Clone + 'static> Sources<M> {
         Self { sources, report }
     }
 
-    /// Requests all functions.
+    /// Requests or solves all functions.
     pub(super) fn begin(&mut self) -> Commands<M> {
         self.sources.iter_mut().map(|source| source.ask(self.report)).collect()
     }
 
-    /// Requests again what is missing.
+    /// Requests or solves the missing functions again.
     pub(super) fn retry(&mut self) -> Commands<M> {
         let missing = self.sources.iter_mut().filter(|s| matches!(s.state, State::Missing(_)));
         missing.map(|source| source.ask(self.report)).collect()
     }
 
-    /// Cancels the solves on this page.
+    /// Cancels the solves of this page.
     pub(super) fn stop(&mut self) -> Commands<M> {
         let solving = self.sources.iter_mut().filter(|s| s.is_solved_here() && s.is_underway());
         let stop = |source: &mut Source| {
@@ -114,7 +115,8 @@ impl<M: Clone + 'static> Sources<M> {
         solving.map(stop).collect()
     }
 
-    /// Takes a report of the server or the solver on `evader`; an outdated one is ignored.
+    /// Processes a report of the server or the solver about the function in which `evader` evades.
+    /// Ignores an outdated report.
     pub(super) fn take(&mut self, evader: Evader, solving: Solving) {
         let source = self.sources.iter_mut().find(|s| s.evader == evader && s.is_underway());
         if let Some(source) = source {
@@ -140,7 +142,7 @@ impl<M: Clone + 'static> Sources<M> {
         Some(SafetyLevels { human, robot })
     }
 
-    /// The reason why the functions are unavailable, if one failed.
+    /// Why the functions are unavailable, if loading or solving one has failed.
     pub(super) fn missing(&self) -> Option<&str> {
         self.sources.iter().find_map(|source| match &source.state {
             State::Missing(why) => Some(why.as_str()),
@@ -148,7 +150,7 @@ impl<M: Clone + 'static> Sources<M> {
         })
     }
 
-    /// The origin of the functions, for the facts of the trial.
+    /// Where the functions come from, in words, for the facts about the trial.
     pub(super) fn words(&self) -> &'static str {
         let any = |holds: fn(&Source) -> bool| self.sources.iter().any(holds);
         if self.missing().is_some() {

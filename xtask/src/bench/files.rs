@@ -1,8 +1,8 @@
 //! `cargo xtask bench files`: import and export of a million steps, against the program `sqlite3` with the
 //! same rows in one table.
 //!
-//! The program is in Debian's package `sqlite3`; the benchmark does not install it and works without
-//! it. The two sides of a pair are measured alternately, and the median counts.
+//! The benchmark does not install `sqlite3` (Debian package `sqlite3`) and also works without it. It
+//! measures the two sides of a pair alternately and reports the run with the median time.
 
 use std::fs::File;
 use std::path::Path;
@@ -14,11 +14,11 @@ use super::peers::table;
 use super::process::{Measured, measured};
 use crate::workspace::{Workspace, stage};
 
-/// Simulated people, each with 50 trials of 50 steps.
+/// Number of simulated people. Each drives 50 trials of 50 steps.
 const PEOPLE: u32 = 400;
 const STEPS: f64 = 1e6;
 
-/// Memory limit of import and export, MB.
+/// Memory limit of an import or export (MB).
 const MEMORY_MB: f64 = 120.0;
 
 /// The table in sqlite3, with the columns of steps.csv.
@@ -28,7 +28,7 @@ const TABLE: &str = "CREATE TABLE steps (participant INTEGER, trial INTEGER, ste
     started_at_ms REAL, sampled_at_ms REAL, received_at_ms INTEGER, synthetic INTEGER, due_at_ms REAL, \
     exposures INTEGER, damaged INTEGER)";
 
-/// Measures and prints. Fails if a target is missed.
+/// Measures, and prints the table. Fails if a target is missed.
 ///
 /// # Errors
 /// When the program cannot be built or run.
@@ -54,7 +54,7 @@ pub(super) fn run(workspace: &Workspace, quick: bool) -> Result<ExitCode> {
         command.args(["export", "--database", &database("ours.db"), "--format", format, "--out"]);
         measured(command.arg(at(format)), Stdio::null())
     };
-    // Export once, so that sqlite3 and Sidestep import the same file.
+    // Import and export once first, so that sqlite3 and Sidestep later import the same file.
     import(&at("simulated.csv"))?;
     export("csv")?;
     std::fs::rename(at("csv").join("steps.csv"), at("steps.csv"))?;
@@ -100,7 +100,7 @@ pub(super) fn run(workspace: &Workspace, quick: bool) -> Result<ExitCode> {
         let (ours, theirs) = (median(ours), theirs.next().flatten());
         let per_s = STEPS / ours.wall_s;
         let ratio = theirs.as_ref().map(|theirs| theirs.wall_s / ours.wall_s);
-        // Only the export has a target ratio, because sqlite3 does not validate its import.
+        // Import has no target ratio, because sqlite3 does not validate what it imports.
         let slow =
             per_s < target || (name == "export csv" && ratio.is_some_and(|ratio| ratio < 0.5));
         let missed = slow || ours.memory_mb.is_some_and(|mb| mb > MEMORY_MB);
@@ -128,7 +128,7 @@ fn has_sqlite3() -> bool {
     status.is_ok_and(|status| status.success())
 }
 
-/// Deletes a database with its log.
+/// Deletes a database with its log files.
 fn delete(database: &Path) -> Result<()> {
     for ending in ["db", "db-wal", "db-shm"] {
         let file = database.with_extension(ending);

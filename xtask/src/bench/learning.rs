@@ -1,8 +1,9 @@
-//! `cargo xtask bench learning`: the paper's comparison for one participant by scikit-learn and by
-//! `sidestep analyze`, and for all eight by `sidestep analyze` alone.
+//! `cargo xtask bench learning`: the paper's comparison. scikit-learn and `sidestep analyze`
+//! compute it for one participant; `sidestep analyze` alone also computes it for all eight.
 //!
-//! `tests/peers/learning.py` is the peer's side. Our time includes extra work: feature sets with
-//! the body frame, calibration, models beyond the paper, roll-outs and files.
+//! `tests/peers/learning.py` is the peer's side. Our time includes work that the peer does not do:
+//! feature sets with the body frame, calibration, models beyond the paper, roll-outs and output
+//! files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,10 +20,10 @@ use crate::workspace::{Workspace, output_of, stage};
 /// Target speed-up over the peer.
 const RATIO: f64 = 15.0;
 
-/// Whole comparisons: threads and time limit, s.
+/// Threads and time limit (s) of each comparison of all eight participants.
 const WHOLE: [(&str, f64); 2] = [("2", 20.0), ("1", 35.0)];
 
-/// Memory limit, MB.
+/// Memory limit (MB).
 const MEMORY_MB: f64 = 400.0;
 
 /// The fields of the script's output that are used here.
@@ -39,8 +40,8 @@ struct Versions {
     numpy: String,
 }
 
-/// Measures and prints. Fails if a target is missed; without Python or its packages, prints our own
-/// figures and then fails.
+/// Measures, and prints the table. Fails if a target is missed. Without Python or its packages,
+/// prints only our own figures and fails.
 ///
 /// # Errors
 /// When the program cannot be built or run.
@@ -102,7 +103,7 @@ pub(super) fn run(workspace: &Workspace) -> Result<ExitCode> {
     Ok(if kept && theirs.is_ok() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// The header and the rows of the first participant.
+/// The CSV header and the rows of the first participant.
 fn of_first_participant(trials: &str) -> String {
     let mut lines = trials.lines();
     let header = lines.next().unwrap_or_default();
@@ -121,7 +122,7 @@ fn theirs(workspace: &Workspace, features: &Path) -> Result<Theirs> {
     serde_json::from_str(&answer).with_context(|| format!("the peer's script printed {answer:?}"))
 }
 
-/// Runs the command with a new output folder, so that nothing is reused.
+/// Runs `sidestep analyze` with a new output folder, so that no earlier result is reused.
 fn analyze(
     workspace: &Workspace,
     trials: &Path,

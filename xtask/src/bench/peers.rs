@@ -1,7 +1,7 @@
-//! `cargo xtask bench peers`: the air3D game solved by us and by hj_reachability, on the
-//! same nodes, with the same scheme, horizon, CFL number and number of threads.
+//! `cargo xtask bench peers`: solves the air3D game with our solver and with hj_reachability, on
+//! the same grid, with the same scheme, horizon, CFL number and number of threads.
 //!
-//! `tests/peers/air3d.py` is the peer's side; the library's example `air3d` is ours. The example
+//! `tests/peers/air3d.py` runs the peer; the library's example `air3d` runs our solver. The example
 //! measures the accuracy of both against the closed form, in the same way.
 //!
 //! `cargo xtask bench peers -- --lanes avx2` limits both to the SIMD width that most machines have.
@@ -19,7 +19,7 @@ use crate::workspace::{Workspace, output_of, stage};
 
 /// One comparison.
 struct Case {
-    /// Nodes along x, y and ψ.
+    /// Number of nodes along x, y and ψ.
     grid: &'static str,
     /// Our name of the scheme.
     scheme: &'static str,
@@ -27,8 +27,8 @@ struct Case {
     accuracy: &'static str,
     /// Target speed-up over the peer on two idle cores.
     target: f64,
-    /// Whether the peer takes minutes; if so, each side solves once, otherwise the fastest of three
-    /// counts.
+    /// Whether the peer takes minutes. If so, each side solves once; otherwise the fastest of three
+    /// solves counts.
     long: bool,
 }
 
@@ -47,13 +47,13 @@ impl Case {
     }
 }
 
-/// Threads on our side; the script uses the same number of cores.
+/// Number of threads of our solver. The peer's script uses the same number of cores.
 const THREADS: &str = "2";
 
 /// Arguments after `--`.
 #[derive(Parser)]
 struct Arguments {
-    /// Limit of the SIMD width on both sides.
+    /// Limit of the SIMD width of both solvers.
     #[arg(long)]
     lanes: Option<Lanes>,
 }
@@ -70,7 +70,8 @@ enum Lanes {
 }
 
 impl Lanes {
-    /// The value of `LANES` for the example, and of `XLA_FLAGS` for the peer.
+    /// The values of the environment variables `LANES` (for the example) and `XLA_FLAGS` (for the
+    /// peer).
     fn variables(self) -> [(&'static str, &'static str); 2] {
         let (ours, theirs) = match self {
             Self::Bits128 => ("128-bit", "--xla_cpu_max_isa=SSE4_2"),
@@ -80,7 +81,7 @@ impl Lanes {
         [("LANES", ours), ("XLA_FLAGS", theirs)]
     }
 
-    /// Limits the SIMD width of `command`.
+    /// Limits the SIMD width of `command` to `most`, if given.
     fn limit(most: Option<Self>, command: &mut Command) {
         if let Some(lanes) = most {
             command.envs(lanes.variables());
@@ -98,7 +99,7 @@ struct Ours {
     peer: Option<Accuracy>,
 }
 
-/// The script's output.
+/// The output of the peer's script.
 #[derive(Deserialize)]
 struct Theirs {
     wall_s: f64,
@@ -106,10 +107,10 @@ struct Theirs {
     versions: Versions,
 }
 
-/// First node, last node and their number.
+/// First node, last node and number of nodes of an axis.
 type Nodes = (f64, f64, usize);
 
-/// Accuracy against the closed form: see the example.
+/// Accuracy against the closed form, as the example `air3d` defines it.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 struct Accuracy {
     mean_dx: f64,
@@ -133,7 +134,7 @@ struct Versions {
 
 /// Runs every comparison (without the long ones if `quick`) and prints the table.
 ///
-/// Without Python or its packages it still prints our own figures, and then fails.
+/// If Python or its packages are missing, still prints our own figures and then fails.
 ///
 /// # Errors
 /// When our own solver cannot be built or run.
@@ -150,7 +151,7 @@ pub(super) fn run(workspace: &Workspace, quick: bool, arguments: &[OsString]) ->
     Ok(if missing.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// One solver's figures for one case.
+/// The figures of one solver for one case.
 #[derive(Serialize)]
 pub(crate) struct Figures {
     solver: String,
@@ -161,7 +162,7 @@ pub(crate) struct Figures {
     accuracy: Accuracy,
 }
 
-/// Every comparison: the peer's figures and ours, case by case.
+/// Runs every comparison and returns, case by case, the peer's figures and then ours.
 ///
 /// # Errors
 /// When our own solver cannot be built or run, or the peer is missing.
@@ -219,7 +220,7 @@ fn compare(
     Ok((compared, missing))
 }
 
-/// Runs the peer on `case`; it writes its values to `values`.
+/// Runs the peer on `case`. The peer writes its values to the file `values`.
 fn solve_theirs(
     workspace: &Workspace,
     python: &Path,
@@ -236,7 +237,7 @@ fn solve_theirs(
     serde_json::from_str(&answer).with_context(|| format!("the peer's script printed {answer:?}"))
 }
 
-/// Solves `case` on our side and measures the peer's values in `values`.
+/// Solves `case` with our solver, and measures the peer's values in `values`.
 fn solve_ours(
     workspace: &Workspace,
     case: &Case,
@@ -250,7 +251,7 @@ fn solve_ours(
     serde_json::from_str(&answer).with_context(|| format!("the example air3d printed {answer:?}"))
 }
 
-/// Fails unless both solvers have the same nodes, within the peer's 32-bit precision.
+/// Fails unless both solvers use the same nodes, within the peer's 32-bit precision.
 fn same_nodes(ours: &[Nodes; 3], theirs: &[Nodes; 3]) -> Result<()> {
     let close = |a: f64, b: f64| (a - b).abs() < 1e-5;
     let same = |a: &Nodes, b: &Nodes| a.2 == b.2 && close(a.0, b.0) && close(a.1, b.1);
@@ -300,7 +301,7 @@ fn row(case: &Case, ours: &Ours, theirs: Option<&Theirs>) -> Row {
     ]
 }
 
-/// The rows in columns, two spaces apart.
+/// Formats the rows as aligned columns, two spaces apart.
 pub(super) fn table<const N: usize>(rows: &[[String; N]]) -> String {
     let mut text = String::new();
     for row in rows {
@@ -370,7 +371,7 @@ mod tests {
     fn another_grid_is_noticed() {
         let (ours, mut theirs) = both();
         same_nodes(&ours.axes, &theirs.axes).expect("they differ by rounding alone");
-        // As if the end point of the period were a node, too.
+        // An axis that also has a node at the end of the period.
         theirs.axes[2] = (0.0, 6.283_185_5, 50);
         let error = same_nodes(&ours.axes, &theirs.axes).expect_err("ψ differs");
         assert!(error.to_string().contains("6.2831855"), "{error}");

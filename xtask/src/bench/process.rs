@@ -6,14 +6,14 @@ use std::{fs, thread};
 
 use anyhow::{Context, Result, bail};
 
-/// Time of a command, s, and its peak memory, MB, where the system reports it.
+/// Elapsed time (s) of a command, and its peak memory (MB) if the operating system reports it.
 pub(super) struct Measured {
     pub(super) wall_s: f64,
     pub(super) memory_mb: Option<f64>,
 }
 
 impl Measured {
-    /// The memory as text.
+    /// The peak memory as text.
     pub(super) fn memory(&self) -> String {
         self.memory_mb.map_or_else(|| "-".to_owned(), |mb| format!("{mb:.0}"))
     }
@@ -22,14 +22,14 @@ impl Measured {
 /// Runs a command with its stdout redirected to `out`.
 ///
 /// # Errors
-/// If it cannot be started, or fails.
+/// If the command cannot be started or fails.
 pub(super) fn measured(command: &mut Command, out: impl Into<Stdio>) -> Result<Measured> {
     let name = command.get_program().display().to_string();
     let start = Instant::now();
     let mut child = command.stdout(out).spawn().with_context(|| format!("cannot start {name}"))?;
     let mut memory_mb = None;
     let status = loop {
-        // The last reading before the end counts, because the system reports the peak.
+        // Linux reports the peak so far, so the last reading before the process ends is kept.
         memory_mb = peak_memory_mb(child.id()).or(memory_mb);
         if let Some(status) = child.try_wait()? {
             break status;

@@ -1,9 +1,9 @@
-//! `cargo xtask bench wasm`, `cargo xtask bench shfrs` and `cargo xtask bench playback`: the library as a native
-//! program and as WebAssembly in headless Chromium, in the same run and on one thread each (except tuning, which uses
-//! all threads).
+//! `cargo xtask bench wasm`, `cargo xtask bench shfrs` and `cargo xtask bench playback`: measure the library
+//! as a native program and as WebAssembly in headless Chromium, in the same run. Each side uses one thread,
+//! except for tuning, which uses all threads.
 //!
-//! Both sides run the web client's example `speed`, built like the server and like the code in the
-//! browser's page or worker. The example is not part of the site.
+//! Both sides run the web client's example `speed`. The native one is built like the server, the other like
+//! the code in the browser's page or worker. The example is not part of the site.
 
 use std::fs;
 use std::path::Path;
@@ -18,11 +18,11 @@ use crate::workspace::{Runs, Workspace, cannot_start, output_of, stage};
 /// One measurement.
 #[derive(Debug, PartialEq)]
 struct Case {
-    /// Its name in the example.
+    /// Name of the measurement in the example.
     name: &'static str,
-    /// Time limits natively and in the browser, s.
+    /// Time limits (s), natively and in the browser.
     targets: [Option<f64>; 2],
-    /// The baseline: another measurement of the same run.
+    /// The baseline, which is another measurement of the same run.
     baseline: Option<&'static str>,
 }
 
@@ -47,17 +47,17 @@ impl Case {
     }
 }
 
-/// Measurements of one run.
+/// A group of measurements that run together.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Group {
-    /// Its name in the example.
+    /// Name of the group in the example.
     name: &'static str,
     /// Where this work runs for users.
     runs: Runs,
     cases: &'static [Case],
 }
 
-/// Solving for a value function.
+/// Computing a value function.
 pub(super) const SOLVE: Group = Group {
     name: "solve",
     runs: Runs::InWorker,
@@ -135,22 +135,22 @@ pub(super) const PLAYBACK: Group = Group {
     ],
 };
 
-/// The baseline of frames.
+/// The baseline for frames.
 const USUAL: &str = "frame, usual layers";
 
-/// The baseline of coverage: without a cache.
+/// The baseline for coverage, computed without a cache.
 const DIRECTLY: &str = "coverage, 400 drives, directly";
 
-/// The measured example.
+/// The example that is measured.
 const EXAMPLE: &str = "speed";
 
-/// The example's output: names, and seconds per item.
+/// The example's output: the name of each measurement and its time per item (s).
 type Figures = Vec<(String, f64)>;
 
 /// Measures groups in sequence; stops at the first that fails.
 ///
 /// # Errors
-/// When either side cannot be built, or the native one cannot be run.
+/// When either side cannot be built, or the native side cannot be run.
 pub(super) fn run(workspace: &Workspace, groups: &[Group]) -> Result<ExitCode> {
     for group in groups {
         let code = measure(workspace, group)?;
@@ -189,8 +189,8 @@ fn measure(workspace: &Workspace, group: &Group) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Opens a page in Chromium that runs the program, and reads the page's text. Page and profile
-/// remain in `folder`.
+/// Opens a page in Chromium that runs the program, and reads the page's text. The page and the browser
+/// profile remain in `folder`.
 fn in_browser(bundle: &Bundle, group: &str, folder: &Path) -> Result<Figures> {
     let chromium = chromium()?;
     let page = folder.join("wasm.html");
@@ -204,7 +204,7 @@ fn in_browser(bundle: &Bundle, group: &str, folder: &Path) -> Result<Figures> {
     command.arg("--dump-dom").arg(format!("file://{}#{group}", page.display()));
     let output = command.stdin(Stdio::null()).output().with_context(|| cannot_start(&command))?;
     if !output.status.success() {
-        // Printed only on failure, because Chromium also prints many irrelevant messages.
+        // Chromium's messages are printed only on failure, because many of them are irrelevant.
         bail!("Chromium failed: {}", String::from_utf8_lossy(&output.stderr));
     }
     let text = String::from_utf8(output.stdout).context("Chromium printed no UTF-8")?;
@@ -222,8 +222,8 @@ fn figures(answer: &str) -> Result<Figures> {
     serde_json::from_str(answer).with_context(|| format!("the example answered {answer:?}"))
 }
 
-/// The table: one line per case, with each figure, its target and their ratio; then WASM against
-/// native, and both against the baseline.
+/// The table, with one line per case: the time on each side, its target and their ratio, then WebAssembly
+/// against native, and both against the baseline.
 fn table(cases: &[Case], native: &Figures, wasm: Option<&Figures>) -> String {
     let of = |figures: Option<&Figures>, name: &str| {
         figures?.iter().find(|(found, _)| found == name).map(|(_, seconds)| *seconds)
@@ -257,7 +257,7 @@ fn row(name: &str, [a, b, c, d, e, f, g]: [&str; 7], baseline: &str) -> String {
     line.trim_end().to_owned() + "\n"
 }
 
-/// The ratio to the target, and "MISSED" if it is exceeded.
+/// The ratio to the target, and "MISSED" if the time exceeds the target.
 fn verdict(seconds: Option<f64>, target: Option<f64>) -> String {
     let missed = seconds.zip(target).is_some_and(|(seconds, target)| seconds > target);
     ratio(seconds, target) + if missed { " MISSED" } else { "" }

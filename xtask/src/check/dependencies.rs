@@ -1,8 +1,8 @@
 //! Checks the dependencies: licences, sources, bans and advisories.
 //!
-//! `deny.toml` has the rules, in the format of cargo-deny. This module checks licences, sources and bans, in a
-//! second and without network; cargo-deny reads the same file and reports more. Advisories need a copy of the
-//! RustSec database and a program that reads it.
+//! `deny.toml` has the rules, in the format of cargo-deny. This module checks licences, sources and bans,
+//! which takes a second and needs no network. cargo-deny reads the same file and reports more. Checking
+//! advisories needs a local copy of the RustSec database and a program that reads it.
 
 use std::env;
 use std::path::PathBuf;
@@ -14,7 +14,7 @@ use spdx::{Expression, Licensee};
 
 use crate::workspace::{Workspace, stage};
 
-/// The part of `deny.toml` that is checked here.
+/// The part of `deny.toml` that this module checks.
 #[derive(Deserialize)]
 struct Rules {
     licenses: Licences,
@@ -44,13 +44,13 @@ struct Sources {
     allow_registry: Vec<String>,
 }
 
-/// The fields of a package in `cargo metadata`.
+/// The fields of a package in `cargo metadata` that are used here.
 #[derive(Deserialize)]
 struct Package {
     name: String,
     version: String,
     license: Option<String>,
-    /// Its source; `None` for packages of this workspace.
+    /// Where the package comes from. `None` for packages of this workspace.
     source: Option<String>,
 }
 
@@ -62,7 +62,7 @@ struct Metadata {
 /// Checks every package in `Cargo.lock` that some build uses.
 ///
 /// # Errors
-/// Naming each package that is not allowed, or if an advisory affects one.
+/// If a package is not allowed, after printing each such package; or if an advisory affects a package.
 pub(super) fn run(workspace: &Workspace) -> Result<()> {
     eprintln!("==> dependencies");
     let rules = std::fs::read_to_string(workspace.path("deny.toml")).context("deny.toml")?;
@@ -93,7 +93,7 @@ fn complaints(rules: &Rules, packages: &[Package]) -> Result<Vec<String>> {
         if let Some(ban) = rules.bans.deny.iter().find(|ban| ban.name == *name) {
             complain(format!("banned, since {}", ban.reason));
         }
-        // The packages of this workspace have its own licence.
+        // The packages of this workspace have their own licence and no source.
         let Some(source) = source else { continue };
         let registry = source.strip_prefix("registry+");
         if !registry.is_some_and(|it| rules.sources.allow_registry.iter().any(|ok| ok == it)) {
@@ -113,7 +113,7 @@ fn complaints(rules: &Rules, packages: &[Package]) -> Result<Vec<String>> {
 fn advisories(workspace: &Workspace) -> Result<()> {
     let home = env::var_os("CARGO_HOME").map(PathBuf::from);
     let home = home.or_else(|| Some(PathBuf::from(env::var_os("HOME")?).join(".cargo")));
-    // For each program, the location of its database copy and its offline command.
+    // Each program that reads the database, the folder of its database copy, and its offline command.
     let readers: [(&str, &str, &[&str]); 2] = [
         ("cargo-deny", "advisory-dbs", &["deny", "--offline", "check", "advisories"]),
         ("cargo-audit", "advisory-db", &["audit", "--no-fetch", "--stale"]),

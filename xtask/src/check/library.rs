@@ -1,5 +1,5 @@
-//! Checks the library as other projects build it: with fewer features, and with the oldest
-//! supported Rust.
+//! Checks the library the way other projects build it: with fewer features, and with the oldest supported
+//! Rust version.
 
 use std::process::{Command, Stdio};
 
@@ -7,13 +7,14 @@ use anyhow::{Context, Result};
 
 use crate::workspace::{WASM_TARGET, Workspace, stage};
 
-/// Feature sets as arguments of cargo. The workspace itself builds with all features.
+/// Sets of features, as arguments of cargo. The workspace itself builds with all features.
 const FEATURES: [(&str, &[&str]); 2] = [
     ("no features", &["--no-default-features"]),
     ("learn", &["--no-default-features", "--features=learn"]),
 ];
 
-/// Lints the library with fewer features, natively and for browsers, and builds it with the oldest supported Rust.
+/// Lints the library with fewer features, natively and for browsers, and checks it with the oldest supported
+/// Rust version.
 ///
 /// # Errors
 /// Naming the stage that failed.
@@ -29,7 +30,7 @@ pub(super) fn run(workspace: &Workspace) -> Result<()> {
     oldest_rust(workspace)
 }
 
-/// Builds the library with the Rust of its `rust-version`. Prints a notice if this toolchain is
+/// Checks the library with the Rust version in its `rust-version`. Prints a notice if this toolchain is
 /// missing and cannot be installed.
 fn oldest_rust(workspace: &Workspace) -> Result<()> {
     let manifest = std::fs::read_to_string(workspace.path("shared/Cargo.toml"))
@@ -52,7 +53,7 @@ fn oldest_rust(workspace: &Workspace) -> Result<()> {
     }
     let mut check = Command::new("rustup");
     check.args(["run", version, "cargo", "check", "--locked", "--package", "sidestep", "--lib"]);
-    // Use the other toolchain's cargo, not the one that runs this command.
+    // Use the cargo of the other toolchain, not the one that runs this command.
     check.env_remove("CARGO").current_dir(workspace.path(""));
     stage(&format!("library with Rust {version}"), &mut check).map(drop)
 }

@@ -2,7 +2,8 @@
 
 use sha2::{Digest, Sha256};
 
-/// `style.css` → `style-<hash>.css`: the first 16 hexadecimal digits of SHA-256.
+/// Turns `style.css` into `style-<hash>.css`. The hash is the first 16 hexadecimal digits of
+/// SHA-256.
 pub(super) fn name(name: &str, content: &[u8]) -> String {
     let digest = hex::encode(Sha256::digest(content));
     let hash = &digest[..16];

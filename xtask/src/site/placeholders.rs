@@ -1,22 +1,23 @@
-//! `{{style.css}}` in a page → the path of that asset.
+//! Replaces `{{style.css}}` in a page by the path of that asset.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{Result, bail};
 
-/// A text whose placeholders are filled in.
+/// A text after its placeholders were replaced.
 #[derive(Debug, PartialEq)]
 pub(super) struct Filled {
     /// The text.
     pub(super) text: String,
-    /// The names of its placeholders.
+    /// The asset names in its placeholders.
     pub(super) used: BTreeSet<String>,
 }
 
-/// Replaces each placeholder of `static/<file>` by `/` and the path in `assets`.
+/// Replaces each placeholder in the file `static/<file>` by `/` and the asset's path in `assets`.
 ///
 /// # Errors
-/// For an unknown or unterminated placeholder, naming file, line and placeholder.
+/// If a placeholder is unknown or unterminated. The error names the file, the line and the
+/// placeholder.
 pub(super) fn fill(file: &str, source: &str, assets: &BTreeMap<String, String>) -> Result<Filled> {
     let mut text = String::with_capacity(source.len());
     let mut used = BTreeSet::new();

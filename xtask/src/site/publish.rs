@@ -1,4 +1,4 @@
-//! Writes the site, with compressed copies of each file, and puts it in place.
+//! Writes the site and compressed copies of each file, then replaces the old site.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -11,11 +11,11 @@ use brotli::enc::backward_references::BrotliEncoderMode;
 
 use super::Files;
 
-/// Writes `files` into `folder`, each with `.br` and `.gz` beside it.
+/// Writes each of `files` into `folder`, with `.br` and `.gz` copies beside it.
 ///
-/// The new site is written next to the old one and then replaces it, so that a running server never
-/// sees a partial site. Unchanged files are not compressed again. Returns the size of each file
-/// after brotli, in bytes.
+/// Writes the new site next to the old one and then replaces the old one by it, so that a running
+/// server never sees a partial site. Reuses the compressed copies of unchanged files. Returns the
+/// brotli-compressed size of each file, in bytes.
 ///
 /// # Errors
 /// When a file cannot be written.
@@ -33,7 +33,7 @@ pub(crate) fn publish(files: &Files, folder: &Path) -> Result<BTreeMap<String, u
         let parent = file.parent().unwrap_or(&fresh);
         fs::create_dir_all(parent).with_context(|| cannot_write(parent))?;
     }
-    // One thread per file: there are about a dozen.
+    // One thread per file, because there are only about a dozen files.
     let sizes = thread::scope(|scope| {
         let fresh = &fresh;
         let threads = files.iter().map(|(path, content)| {
@@ -54,7 +54,7 @@ pub(crate) fn publish(files: &Files, folder: &Path) -> Result<BTreeMap<String, u
     Ok(sizes)
 }
 
-/// Writes one file in all encodings and returns its size after brotli.
+/// Writes one file and its compressed copies, and returns its brotli-compressed size.
 fn write(fresh: &Path, previous: &Path, path: &str, content: &[u8]) -> Result<usize> {
     put(&fresh.join(path), content)?;
     let is_unchanged = fs::read(previous.join(path)).is_ok_and(|old| old == content);
@@ -72,8 +72,8 @@ fn write(fresh: &Path, previous: &Path, path: &str, content: &[u8]) -> Result<us
     encoded("br", brotli)
 }
 
-/// Brotli at its highest quality: the smaller of two encodings. The default context mode suits text; in
-/// programs, a byte depends on the high bits of the preceding bytes.
+/// Brotli at its highest quality: the smaller result of two modes. The default mode suits text. The
+/// other mode suits programs, where a byte depends on the high bits of the preceding bytes.
 fn brotli(content: &[u8]) -> Result<Vec<u8>> {
     let usual = brotli::enc::BrotliEncoderParams {
         quality: 11,
@@ -115,7 +115,7 @@ fn remove(folder: &PathBuf) -> Result<()> {
     Ok(())
 }
 
-/// The message for a file or folder that cannot be written.
+/// The error message for a file or folder that cannot be written.
 fn cannot_write(path: &Path) -> String {
     format!("cannot write {}: check its permissions and the space left", path.display())
 }

@@ -1,7 +1,7 @@
 //! Minifies style sheets.
 
-/// Removes comments, line breaks and insignificant space from a style sheet, whose strings must not
-/// contain comment delimiters.
+/// Removes comments, line breaks and insignificant space from a style sheet. The sheet's strings
+/// must not contain comment delimiters.
 pub(super) fn without_space(css: &str) -> String {
     let mut words = Vec::new();
     let mut rest = css;
@@ -14,7 +14,7 @@ pub(super) fn without_space(css: &str) -> String {
     for sign in ["{", "}", ";"] {
         css = css.replace(&format!(" {sign}"), sign).replace(&format!("{sign} "), sign);
     }
-    // Space before these characters can be significant: `a :hover`.
+    // Space before `:` and `,` stays, because it can be significant: `a :hover`.
     css.replace(": ", ":").replace(", ", ",").replace(";}", "}")
 }
 

@@ -1,4 +1,4 @@
-//! Runs two lanes of tests in parallel: one mostly waits, for example for a page to paint or a server to
+//! Runs two lanes of tests in parallel. One lane mostly waits, for example for a page to paint or a server to
 //! start, while the other computes.
 
 use std::fs::{self, File};
@@ -25,15 +25,16 @@ impl Part {
     }
 }
 
-/// Number of last lines of a failed part that are shown again at the end: enough for the names of the failed tests.
+/// Number of last lines of a failed part that are printed again at the end. They are enough for the names of
+/// the failed tests.
 const SHOWN_AGAIN: usize = 30;
 
 /// Polling interval for new output of a part.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// Runs both lanes, each from its first part to its last, even if some fail. Shows the first lane's
-/// output immediately, and the output of each part of the second lane when that part ends. All output is
-/// stored in `folder`.
+/// Runs both lanes. Each runs its parts in order, even if some fail. Prints the output of the first lane
+/// immediately, and the output of each part of the second lane when that part ends. Also stores all output in
+/// `folder`.
 ///
 /// # Errors
 /// If a part cannot be started or its output cannot be stored.
@@ -60,7 +61,7 @@ pub(super) fn run(waiting: Vec<Part>, computing: Vec<Part>, folder: &Path) -> Re
     Ok(ExitCode::FAILURE)
 }
 
-/// Runs a lane; returns the failed parts with their output.
+/// Runs one lane and returns the name and the output of each failed part.
 fn lane(parts: Vec<Part>, folder: &Path, at_once: bool) -> Result<Vec<(String, String)>> {
     let mut failed = Vec::new();
     for Part { name, mut command } in parts {
@@ -81,8 +82,8 @@ fn lane(parts: Vec<Part>, folder: &Path, at_once: bool) -> Result<Vec<(String, S
     Ok(failed)
 }
 
-/// Runs a command and returns whether it succeeds. Its output goes to a file, because an orphaned child
-/// process could keep a pipe open.
+/// Runs a command and returns whether it succeeds. The output goes to a file and not to a pipe, because an
+/// orphaned child process could keep a pipe open.
 fn run_one(command: &mut Command, log: &Path, at_once: bool) -> Result<bool> {
     let cannot_write = || format!("cannot write {}", log.display());
     let out = File::create(log).with_context(cannot_write)?;
@@ -109,7 +110,7 @@ fn said(log: &Path) -> Result<String> {
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// Prints a piece atomically, so that the lanes' lines do not interleave.
+/// Prints a piece of output while stdout is locked, so that the lanes' lines do not interleave.
 fn print(piece: &[u8]) -> Result<()> {
     let mut out = io::stdout().lock();
     out.write_all(piece).and_then(|()| out.flush()).context("standard output")
@@ -122,7 +123,7 @@ fn end_of(text: &str, lines: usize) -> &str {
     &text[begin..]
 }
 
-/// Lowers the priority of a command, where possible.
+/// Lowers the priority of a command, if `nice` is available.
 fn beneath(command: Command) -> Command {
     if on_path(&["nice"]).is_none() {
         return command;

@@ -10,7 +10,7 @@ use crate::workspace::{Workspace, output_of};
 
 /// A compiled test program.
 pub(super) struct Program {
-    /// The folder of its package, in which it runs.
+    /// The folder of the program's package, in which the program runs.
     folder: PathBuf,
     /// Its name in cargo: a file or folder of `tests/`, or a library.
     pub(super) name: String,
@@ -18,12 +18,12 @@ pub(super) struct Program {
 }
 
 impl Program {
-    /// The package, by its folder's name.
+    /// The name of the package's folder.
     pub(super) fn package(&self) -> String {
         self.folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
 
-    /// A command that runs it like `cargo test`.
+    /// Returns a command that runs the program as `cargo test` does.
     pub(super) fn call(&self) -> Command {
         let mut command = Command::new(&self.executable);
         command.current_dir(&self.folder).env("CARGO_MANIFEST_DIR", &self.folder);
@@ -56,7 +56,8 @@ struct Profile {
 /// When compiling fails.
 pub(super) fn compile(workspace: &Workspace) -> Result<Vec<Program>> {
     eprintln!("==> test programs");
-    // Without a selection, cargo would also compile every example; with `--bins`, also programs without tests.
+    // Without a selection of targets, cargo would also compile every example. With `--bins`, it would also
+    // compile programs without tests.
     let mut cargo = workspace.compile("test");
     cargo.args(["--tests", "--no-run", "--message-format=json-render-diagnostics"]);
     let programs = read(&output_of("compiling the tests", &mut cargo)?)?;
@@ -64,7 +65,7 @@ pub(super) fn compile(workspace: &Workspace) -> Result<Vec<Program>> {
     Ok(programs)
 }
 
-/// The test programs in cargo's messages, one per line.
+/// Finds the test programs in cargo's messages, which have one line each.
 fn read(messages: &str) -> Result<Vec<Program>> {
     let mut found = Vec::new();
     for line in messages.lines().filter(|line| line.contains(r#""reason":"compiler-artifact""#)) {

@@ -1,5 +1,5 @@
-//! The paper's Figure 3, reproduced with public commands: `sidestep bounds` for the bounds,
-//! `sidestep reach` for the areas, `sidestep plot` for the picture.
+//! The paper's Figure 3, reproduced with public commands: `sidestep bounds` computes the bounds,
+//! `sidestep reach` computes the areas and `sidestep plot` draws the picture.
 
 use std::fs;
 use std::path::Path;
@@ -11,17 +11,17 @@ use serde_json::{Value, json};
 use super::{answer, read, write};
 use crate::workspace::{Workspace, output_of, stage};
 
-/// The panels in order, with the reference's areas of the five tubes, m².
+/// The panels in order. Each has the areas (m²) of its five tubes in the reference.
 const PANELS: [(&str, [f64; 5]); 3] = [
     ("left", [1.66, 2.50, 3.05, 3.88, 5.33]),
     ("middle", [2.78, 3.33, 3.61, 4.15, 5.33]),
     ("right", [1.12, 2.10, 2.77, 3.76, 5.33]),
 ];
 
-/// Builds the program, and computes and draws the panels with it.
+/// Builds the program and uses it to compute and draw the panels.
 ///
 /// # Errors
-/// When it cannot be built or rejects an input, or a file cannot be read or written.
+/// When the program cannot be built or rejects an input, or a file cannot be read or written.
 pub(super) fn panels(workspace: &Workspace, docs: &Path) -> Result<Value> {
     stage("server", workspace.compile("build").args(["--bin", "sidestep"]))?;
     eprintln!("==> Figure 3");
@@ -73,7 +73,7 @@ fn panel(workspace: &Workspace, path: &Path, name: &str, reference: [f64; 5]) ->
     }))
 }
 
-/// Run-length encodes the bounds of the steps: (number of steps, bounds).
+/// Run-length encodes the bounds of the steps. Returns pairs (number of steps, bounds).
 fn counted(bounds: &[Value]) -> Vec<(usize, &Value)> {
     bounds.chunk_by(|a, b| a == b).map(|run| (run.len(), &run[0])).collect()
 }

@@ -1,4 +1,4 @@
-//! Times and accuracies of other solvers: measured on demand, otherwise the stored ones.
+//! Times and accuracies of other solvers, measured for `cargo xtask validate --peers`.
 
 use std::num::NonZero;
 use std::thread::available_parallelism;
@@ -10,8 +10,8 @@ use serde_json::{Value, json};
 use crate::bench::peers::measure;
 use crate::workspace::Workspace;
 
-/// Every comparison of `cargo xtask bench peers`, the peer's figures before ours, with the date and
-/// the machine's number of cores.
+/// Runs every comparison of `cargo xtask bench peers`. Returns the peer's figures before ours, with
+/// the date and the machine's number of cores.
 ///
 /// # Errors
 /// When a solver cannot be run.
@@ -22,8 +22,8 @@ pub(super) fn measured(workspace: &Workspace) -> Result<Value> {
     Ok(json!({ "date": date(now.as_secs() / 86_400), "cores": cores, "solved": figures }))
 }
 
-/// The date, year-month-day, of a day counted from 1970-01-01 (Howard Hinnant's
-/// `civil_from_days`).
+/// The date (year-month-day) of a day counted from 1970-01-01. The algorithm is Howard Hinnant's
+/// `civil_from_days`.
 fn date(days: u64) -> String {
     let days = days + 719_468;
     let (era, day) = (days / 146_097, days % 146_097);

@@ -11,7 +11,7 @@ use minijinja::{Environment, UndefinedBehavior};
 /// When the template is invalid or uses an undefined value.
 pub(super) fn filled(template: &str, measured: serde_json::Value) -> Result<String> {
     let mut pages = Environment::new();
-    // A line with only a tag produces no output.
+    // A line that contains only a tag produces no output.
     let mut syntax = SyntaxConfig::builder();
     syntax.trim_blocks(true).lstrip_blocks(true).keep_trailing_newline(true);
     pages.set_syntax(syntax.build()?);
@@ -32,50 +32,51 @@ pub(super) fn filled(template: &str, measured: serde_json::Value) -> Result<Stri
     Ok(pages.render_str(template, Serde(measured))?)
 }
 
-/// With a typographic minus sign.
+/// Replaces hyphens by typographic minus signs.
 fn minus(text: String) -> String {
     text.replace('-', "−")
 }
 
-/// The shortest exact representation.
+/// The shortest exact decimal representation.
 fn plain(number: f64) -> String {
     minus(number.to_string())
 }
 
-/// Rounded; 0 has no sign.
+/// Rounded to `places` decimal places. 0 has no sign.
 fn fixed(number: f64, places: usize) -> String {
     let text = format!("{number:.places$}");
     let zero = text.chars().all(|c| "-0.".contains(c));
     minus(if zero { text.replace('-', "") } else { text })
 }
 
-/// Rounded, with + or −.
+/// Rounded, with a leading + or −.
 fn signed(number: f64, places: usize) -> String {
     minus(format!("{number:+.places$}"))
 }
 
-/// Metres as centimetres.
+/// Formats metres as centimetres.
 fn cm(metres: f64) -> String {
     sized(100.0 * metres, &[(1.0, 2)], 1)
 }
 
-/// Metres as millimetres.
+/// Formats metres as millimetres.
 fn mm(metres: f64) -> String {
     if metres == 0.0 { "0".to_owned() } else { sized(1000.0 * metres, &[(0.1, 4), (10.0, 2)], 1) }
 }
 
-/// A duration.
+/// Formats a duration in seconds.
 fn seconds(seconds: f64) -> String {
     sized(seconds, &[(1.0, 3), (10.0, 1)], 0)
 }
 
-/// Rounded to the decimal places of the first limit above the number, or to `otherwise`.
+/// Rounded to the decimal places of the first limit above the number, or else to `otherwise`
+/// places.
 fn sized(number: f64, limits: &[(f64, usize)], otherwise: usize) -> String {
     let limit = limits.iter().find(|(limit, _)| number.abs() < *limit);
     fixed(number, limit.map_or(otherwise, |(_, places)| *places))
 }
 
-/// Thousands separators: 1234567 as 1,234,567.
+/// Adds thousands separators: 1234567 becomes 1,234,567.
 fn thousands(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();
@@ -88,7 +89,7 @@ fn thousands(number: u64) -> String {
     text
 }
 
-/// Scientific notation of a number ≥ 0: 1.2·10⁻³.
+/// Scientific notation of a number ≥ 0, such as 1.2·10⁻³.
 fn power(number: f64) -> String {
     const RAISED: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
     if number == 0.0 {

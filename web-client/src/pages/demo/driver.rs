@@ -6,7 +6,7 @@ use sidestep::scene::{JointState, Scene, SceneParameters};
 use sidestep::synthetic::{Keys, SyntheticDrive, SyntheticParticipant};
 use sidestep::vehicle::TurnInput;
 
-/// The driver.
+/// Who drives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Driver {
     /// The user at the keyboard.
@@ -19,11 +19,11 @@ pub enum Driver {
 /// Largest number of a synthetic driver in links.
 const MOST_DRIVERS: u64 = 999;
 
-/// The population of the synthetic drivers.
+/// Seed of the population of synthetic drivers.
 const POPULATION: u64 = 1;
 
 impl Driver {
-    /// The driver named by a link; `None` for an invalid number.
+    /// The driver that a link names. `None` for an invalid name.
     pub(super) fn of_query(value: Option<&str>) -> Option<Self> {
         match value {
             None => Some(Self::You),
@@ -34,7 +34,7 @@ impl Driver {
         }
     }
 
-    /// The driver's name for a link; `None` for the default driver.
+    /// The link parameter that names the driver. `None` for the default driver.
     pub(super) fn query(self) -> Option<String> {
         match self {
             Self::You => None,
@@ -55,24 +55,25 @@ impl Driver {
 pub(super) enum Driving {
     /// Driven by keys.
     Live(Drive),
-    /// Driven by a synthetic driver: the drive is computed at the start and shown in real time.
+    /// Driven by a synthetic driver. The whole drive is computed at the start and shown in real
+    /// time.
     Shown(Shown),
 }
 
-/// The drive of a synthetic driver, as far as it is shown.
+/// The drive of a synthetic driver, and how much of it is shown.
 pub(super) struct Shown {
     drive: SyntheticDrive,
     step_s: f64,
-    /// Start on the page's clock, ms; shifted by pauses.
+    /// The start on the page's clock (ms). Pauses shift it.
     start_ms: f64,
-    /// Time of the pause, if paused.
+    /// When the pause began, if paused.
     paused_ms: Option<f64>,
     /// Number of steps begun.
     begun: usize,
 }
 
 impl Driving {
-    /// The scene of this index, from 0, at its start.
+    /// Starts a scene. `index` is its index from 0.
     pub(super) fn start(
         driver: Driver,
         index: usize,
@@ -97,7 +98,7 @@ impl Driving {
         }
     }
 
-    /// Advances to `now_ms`; returns true when the scene is over.
+    /// Advances to `now_ms`. Returns whether the scene is over.
     pub(super) fn tick(&mut self, now_ms: f64) -> bool {
         match self {
             Self::Live(drive) => drive.tick(now_ms),
@@ -110,7 +111,7 @@ impl Driving {
         }
     }
 
-    /// Time into the scene, s.
+    /// Time since the start of the scene (s).
     pub(super) fn time_s(&self, now_ms: f64) -> f64 {
         match self {
             Self::Live(drive) => drive.time_s(now_ms),
@@ -126,7 +127,7 @@ impl Driving {
         }
     }
 
-    /// The state before each step begun, and the one after the last of them.
+    /// The state before each step that has begun, and the state after the last of these steps.
     pub(super) fn states(&self) -> &[JointState] {
         match self {
             Self::Live(drive) => drive.states(),
@@ -134,19 +135,20 @@ impl Driving {
         }
     }
 
-    /// Handles a key of a user who drives.
+    /// Handles a key, if the user drives.
     pub(super) fn key(&mut self, t_ms: f64, code: &str, down: bool) {
         if let Self::Live(drive) = self {
             drive.key(t_ms, code, down);
         }
     }
 
-    /// Whether it is paused.
+    /// Whether the drive is paused.
     pub(super) fn is_paused(&self) -> bool {
         matches!(self, Self::Shown(Shown { paused_ms: Some(_), .. }))
     }
 
-    /// Pauses or resumes. A user who drives cannot pause, because the study has no pause either.
+    /// Pauses or resumes a synthetic driver. A user who drives cannot pause, because the study has
+    /// no pause either.
     pub(super) fn pause_or_go_on(&mut self, now_ms: f64) {
         if let Self::Shown(shown) = self {
             match shown.paused_ms.take() {

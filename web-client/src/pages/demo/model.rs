@@ -1,4 +1,5 @@
-//! The model of the driver, learned scene by scene, and the quality of its predictions.
+//! The model of the driver, which learns from scene after scene, and the quality of its
+//! predictions.
 
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
@@ -11,10 +12,10 @@ use sidestep::shfrs::window_sets::Prediction;
 use sidestep::shfrs::{PredictedHuman, ShfrsSettings};
 use sidestep::trial_view::{Learned, Playback};
 
-/// The model learned of the driver.
+/// The model that was learned from the driver.
 pub(super) struct Model {
     driven: Vec<Driven>,
-    /// Whether it is fitted, or has only the frequencies of the inputs.
+    /// Whether the model is fitted. Otherwise it has only the frequencies of the inputs.
     pub(super) is_fitted: bool,
     /// The predictor.
     pub(super) learned: Learned,
@@ -25,32 +26,34 @@ pub(super) struct Model {
 /// How well a scene was predicted.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Foreseen {
-    /// Share of the steps whose input was predicted as the likeliest.
+    /// Fraction of the steps whose input was predicted as the most probable one.
     pub(super) inputs: f64,
-    /// Share of the windows whose true future stayed inside each set, from the smallest set on.
+    /// For each set, smallest first: the fraction of the windows whose true future stayed inside
+    /// the set.
     pub(super) inside: Vec<f64>,
 }
 
-/// Number of scenes needed to learn a model: one, so that users can watch it learn.
+/// Minimum number of scenes to train on. One scene is enough here, so that users can watch the
+/// model learn.
 const LEAST: usize = 1;
 
-/// Confidence level of intervals, which this page does not show.
+/// Confidence level of intervals. This page does not show them.
 const CONFIDENCE: f64 = 0.95;
 
 impl Model {
-    /// A model of an unknown driver.
+    /// Creates the model of an unknown driver.
     pub(super) fn new(safety: &SafetyLevels) -> Result<Self, Invalid> {
         let (learned, is_fitted) = learn(safety, &[])?;
         Ok(Self { driven: Vec::new(), is_fitted, learned, foreseen: Vec::new() })
     }
 
-    /// Number of scenes that it has learned from.
+    /// Number of scenes that the model has learned from.
     pub(super) fn scenes(&self) -> usize {
         self.driven.len()
     }
 
-    /// Share of the windows of all scenes whose true future stayed inside each set. Each set has
-    /// the same number of windows in every scene.
+    /// For each set, the fraction of all scenes' windows whose true future stayed inside. It is the
+    /// mean over the scenes, because all scenes have the same number of windows.
     pub(super) fn inside(&self) -> Vec<f64> {
         let sets = self.foreseen.first().map_or(0, |foreseen| foreseen.inside.len());
         let mean = |set| {
@@ -60,7 +63,7 @@ impl Model {
         (0..sets).map(mean).collect()
     }
 
-    /// Compares a scene with its prediction, then learns from it.
+    /// Compares a scene with the model's prediction, then learns from the scene.
     pub(super) fn learn(&mut self, scene: &Playback, safety: &SafetyLevels) -> Result<(), Invalid> {
         self.foreseen.push(self.compare(scene, safety)?);
         let recorded = scene.recorded();
@@ -83,7 +86,7 @@ impl Model {
     }
 }
 
-/// Share of the windows of a trial whose future stayed inside each set.
+/// For each set, the fraction of the windows of a trial whose future stayed inside the set.
 fn inside(
     parameters: &SceneParameters,
     recorded: &sidestep::trial_view::Recorded,
@@ -100,8 +103,8 @@ fn inside(
     Ok(counted.probabilities.inside.iter().map(|share| share.value).collect())
 }
 
-/// Logistic regression on all features, or the frequencies of the inputs while there is too little
-/// to learn from.
+/// Trains a logistic regression on all features. If there is too little to learn from, the
+/// predictor has only the frequencies of the inputs.
 fn learn(safety: &SafetyLevels, driven: &[Driven]) -> Result<(Learned, bool), Invalid> {
     let features = FeatureSet::subset("hrd")?;
     let Trained { predictor, fallback } = train_early(&features, Some(safety), driven, LEAST)?;

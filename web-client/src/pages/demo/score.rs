@@ -1,5 +1,5 @@
-//! Points that teach without words where the danger zone is: driving close to it earns points,
-//! entering it loses them all.
+//! Points that teach without words where the danger zone is. Driving close to it earns points, and
+//! entering it loses all points of the scene.
 
 use sidestep::chart::{LegendItem, Pen, colours};
 use sidestep::picture::{Picture, Shape, stage};
@@ -16,16 +16,16 @@ const MOST_A_SECOND: f64 = 100.0;
 pub(super) struct Score {
     /// Points so far.
     pub(super) points: u32,
-    /// Whether the danger zone was entered, which loses all points of the scene.
+    /// Whether the human entered the danger zone, which loses all points of the scene.
     pub(super) is_caught: bool,
-    /// Smallest distance so far, m.
+    /// Smallest distance so far (m).
     pub(super) closest_m: f64,
     /// The points as text in the picture.
     words: Rc<str>,
 }
 
 impl Score {
-    /// The score of the drive so far. Each step earns the points of its start.
+    /// The score of the drive so far. Each step earns the points for the state at its start.
     pub(super) fn of(
         parameters: &SceneParameters,
         inputs: &[TurnInput],
@@ -41,7 +41,7 @@ impl Score {
         Self { points, is_caught, closest_m: outcome.closest_m, words: words.into() }
     }
 
-    /// Paints the band around the robot that earns points.
+    /// Paints the band around the robot in which a human earns points.
     pub(super) fn paint_band(
         &self,
         parameters: &SceneParameters,
@@ -50,8 +50,8 @@ impl Score {
     ) {
         let radius_m = parameters.danger_radius_m;
         let colour = if self.is_caught { colours::ROBOT } else { colours::HUMAN };
-        // Rings overlap: smaller ones are painted over wider ones, so the band gets darker where it
-        // earns more.
+        // The discs overlap: smaller discs are painted over larger ones, so the band is darker
+        // where it earns more.
         for wide in [2.0, 1.75, 1.5, 1.25] {
             picture.push(Shape::Disc {
                 centre: robot.position(),
@@ -65,7 +65,7 @@ impl Score {
         }
     }
 
-    /// Legend entry for the band around the robot.
+    /// Legend entry for that band.
     pub(super) fn legend() -> LegendItem {
         let text = "rings: they earn points, the inner ones more";
         LegendItem::disc(text, Some(colours::HUMAN.at(0.09)), Pen::new(colours::HUMAN.at(0.4), 0.5))
@@ -83,8 +83,8 @@ impl Score {
     }
 }
 
-/// Share of the maximum points at a distance: 1 at the edge of the danger zone, 0 from two radii
-/// on.
+/// Fraction of the maximum points at a distance. It is 1 at the edge of the danger zone and 0 from
+/// two radii on.
 fn share(parameters: &SceneParameters, distance_m: f64) -> f64 {
     let beyond = distance_m / parameters.danger_radius_m - 1.0;
     let near = (1.0 - beyond.max(0.0)).max(0.0);
@@ -97,7 +97,7 @@ mod tests {
     use sidestep::scene::Scene;
     use sidestep::trial::simulate;
 
-    /// Drives `inputs` of one kind past an oncoming robot that is `aside_m` to the left.
+    /// Drives straight past an oncoming robot that is `aside_m` to the left.
     fn passed(aside_m: f64) -> Score {
         let parameters = SceneParameters::default();
         let robot = Pose::new(10.0, aside_m, sidestep::math::PI);
@@ -118,8 +118,8 @@ mod tests {
         assert!((caught.closest_m - 2.9).abs() < 1e-9);
     }
 
-    /// 3.1 m aside at a closing speed of 4 m/s: the sum over steps approximates the integral over
-    /// time.
+    /// At 3.1 m aside and a closing speed of 4 m/s, the sum over the steps approximates the
+    /// integral over time.
     #[test]
     fn points_are_a_hundred_a_second_at_the_edge() {
         let parameters = SceneParameters::default();

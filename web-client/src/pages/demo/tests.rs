@@ -1,4 +1,4 @@
-//! The demonstration without a browser.
+//! Tests of the demonstration without a browser.
 
 use super::*;
 use crate::testing;
@@ -28,7 +28,7 @@ impl Session {
         self.hear(&Event::Key { code: code.into(), key: String::new(), down });
     }
 
-    /// Frames of 60 Hz up to this time.
+    /// Shows frames at 60 Hz until this time.
     fn until(&mut self, end_ms: f64) {
         while self.now_ms < end_ms {
             let next_ms = (self.now_ms + 1000.0 / 60.0).min(end_ms);
@@ -36,7 +36,7 @@ impl Session {
         }
     }
 
-    /// Drives a scene that starts at `begin_ms`: the key is held from 2.05 s to 4.05 s.
+    /// Drives a scene that starts at `begin_ms`. The key is down from 2.05 s to 4.05 s.
     fn drive(&mut self, begin_ms: f64, key: &str) {
         self.at(begin_ms).key("Space", true);
         self.until(begin_ms + 2050.0);
@@ -56,7 +56,7 @@ fn a_scene_is_driven_scored_and_learned_from() {
     assert!(!session.page.owns_key("Tab"));
     session.drive(1000.0, "ArrowLeft");
 
-    // The trial is the one that these keys give in the study: left from step 11 to step 20.
+    // The trial is the same as these keys would give in the study: left from step 11 to step 20.
     let recorded = session.demo().playback.recorded().clone();
     let turn = |step| if (11..=20).contains(&step) { TurnInput::Left } else { TurnInput::Straight };
     let inputs: Vec<TurnInput> = (0..50).map(turn).collect();
@@ -69,15 +69,14 @@ fn a_scene_is_driven_scored_and_learned_from() {
     assert!(session.words("model").unwrap().contains("trained on 1 scene."));
     assert!(session.words("card").unwrap().contains("at the closest"));
 
-    // The next scene differs, and is predicted by the learned model.
+    // The next scene is a different one, and the learned model predicts it.
     session.drive(30_000.0, "KeyD");
     assert_eq!((session.demo().index, session.demo().points.len()), (1, 2));
     assert!(session.words("model").unwrap().contains("trained on 2 scenes."));
     assert_ne!(session.demo().playback.recorded().scene, recorded.scene);
 }
 
-/// Compares the sets of each instant with the true future: with its positions, and with the tubes
-/// drawn.
+/// Compares the tubes that are drawn at each instant with the true future positions.
 #[test]
 fn what_stayed_inside_is_counted_as_it_was_drawn() {
     let mut session = opened(&[]);
@@ -101,7 +100,7 @@ fn what_stayed_inside_is_counted_as_it_was_drawn() {
         }
     }
     let counted = &demo.model.foreseen[1].inside;
-    // A position inside the tube may be outside the set of its own step, but never vice versa.
+    // A position inside the tube may be outside the set for its own step, but not vice versa.
     for (set, (drawn, counted)) in inside.iter().zip(counted).enumerate() {
         assert!(drawn + 1e-9 >= *counted, "{set}: {drawn} {counted}");
     }
@@ -110,7 +109,7 @@ fn what_stayed_inside_is_counted_as_it_was_drawn() {
     assert!((demo.model.inside()[0] - mean).abs() < 1e-12);
 }
 
-/// Whether a point is in a polygon or within a centimetre of its edge.
+/// Whether a point is inside a polygon or within a centimetre of its edge.
 fn near(polygon: &[[f64; 2]], [x, y]: [f64; 2]) -> bool {
     let edges = || polygon.iter().zip(polygon.iter().cycle().skip(1));
     let crossings = edges().filter(|([ax, ay], [bx, by])| {
@@ -136,7 +135,7 @@ fn a_synthetic_driver_is_watched_scene_after_scene() {
     let whole = person.drive(0, &demo.parameters, demo.scene(), Keys::Clock);
     assert_eq!(demo.playback.recorded().inputs, whole.inputs[..13]);
     assert_eq!(demo.playback.recorded().states, whole.states[..14]);
-    // Pauses, by key and by a hidden page.
+    // A key pauses the scene, and so does hiding the page.
     session.key("Space", true);
     assert!(!session.page.wants_frames());
     session.at(9000.0).frame();
@@ -147,10 +146,10 @@ fn a_synthetic_driver_is_watched_scene_after_scene() {
     session.until(67_600.0);
     assert_eq!(session.demo().playback.recorded().states, whole.states);
     assert!(session.words("card").unwrap().contains("The next scene follows."));
-    // The next one starts automatically.
+    // The next scene starts automatically.
     session.until(70_500.0);
     assert_eq!((session.demo().index, session.page.wants_frames()), (1, true));
-    // Another driver's model has learned nothing.
+    // The model of another driver has not learned anything.
     session.press("another");
     assert_eq!(session.visited.last().unwrap(), "/demo?driver=synthetic-3");
     assert!(session.words("model").unwrap().contains("No scene to learn from yet"));
@@ -202,11 +201,12 @@ fn a_link_that_is_not_valid_is_named() {
         let said = session.words("misread").unwrap();
         assert!(said.contains(words), "{said}");
     }
-    // A replay's link may contain further parameters.
+    // A link for a replay may contain further parameters.
     assert_eq!(opened(&[("t", "soon")]).words("misread"), None);
 }
 
-/// A minute of random keys: nothing fails, and each step has the input of its time.
+/// For a minute, random keys are pressed and released. Nothing fails, and each step has the input
+/// for its time.
 #[test]
 fn wild_keys_do_no_harm() {
     let mut session = opened(&[]);

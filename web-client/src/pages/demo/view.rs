@@ -1,4 +1,4 @@
-//! The page around the demonstration's canvas.
+//! The parts of the page around the demonstration's canvas.
 
 use super::driver::Driver;
 use super::score::Score;
@@ -56,7 +56,7 @@ fn scene(demo: &Demo) -> Node {
     el("section").class("view").attr("aria-label", "Scene").child(switches).child(picture)
 }
 
-/// Instructions before and after a scene.
+/// Instructions that are shown before and after a scene.
 fn card(demo: &Demo) -> Option<Node> {
     let start = |words: &str| {
         button("start", Msg::Start)
@@ -130,7 +130,7 @@ fn panel(demo: &Demo) -> Node {
         Palette::Safe => "safe",
     };
     let probabilities = playback.probabilities();
-    // It scrolls, so it must be reachable by keyboard.
+    // The panel scrolls, so it must be reachable by keyboard.
     el("aside")
         .class("panel")
         .attrs(&[("tabindex", "0"), ("aria-label", "Numbers at this moment")])
@@ -188,7 +188,7 @@ fn model(demo: &Demo) -> Node {
     section
 }
 
-/// The driver, and the points of every scene.
+/// The choice of the driver, and the points of every scene.
 fn course(demo: &Demo) -> Node {
     let is_you = demo.driver == Driver::You;
     let other = demo.driver.another();

@@ -1,4 +1,5 @@
-//! Area needed for a given coverage: SHFRS against simpler predictions, as charts and as tables.
+//! The area that a given coverage needs: SHFRS compared with simpler predictions, as charts and as
+//! tables.
 
 use super::{Explorer, Msg, tuning};
 use crate::evaluation::Report;
@@ -23,16 +24,17 @@ pub(super) struct Areas {
     number: u32,
     /// Whether the comparer has the tasks and the predictor.
     pub(super) is_introduced: bool,
-    /// The settings that matter in that question.
+    /// The settings that the last question was about, normalized by [`without_epsilon`].
     asked: Option<ShfrsFile>,
     done: f64,
-    /// The results and their charts, for these settings or still for the previous ones.
+    /// The results and their charts, for these settings or, until those arrive, for the previous
+    /// ones.
     found: Option<(Pareto, Vec<Element>)>,
     is_old: bool,
     trouble: Option<String>,
 }
 
-/// Size of a chart, px.
+/// Size of a chart (px).
 const CHART: [f64; 2] = [258.0, 168.0];
 
 impl Areas {
@@ -52,14 +54,14 @@ impl Areas {
         is_other
     }
 
-    /// Hides the results: the current settings are invalid, so nothing is compared either.
+    /// Hides outdated results. If the current sets cannot be counted, they are not compared either.
     pub(super) fn hide(&mut self) {
         if self.is_old {
             self.found = None;
         }
     }
 
-    /// A question about these settings, unless it is the last one asked.
+    /// Creates a question about these settings, unless they were already asked about.
     pub(super) fn ask(&mut self, wanted: &ShfrsFile, parts: Parts) -> Option<AreaQuestion> {
         if self.asked.is_some() {
             return None;
@@ -70,7 +72,7 @@ impl Areas {
         Some(AreaQuestion { number: self.number, settings: wanted.clone(), parts })
     }
 
-    /// Takes a report of the comparer, unless it answers an outdated question.
+    /// Processes a report from the comparer, unless it answers an outdated question.
     pub(super) fn take(&mut self, answer: Answer) {
         let content = match answer {
             Ok(content) => content,
@@ -94,7 +96,8 @@ impl Areas {
     }
 }
 
-/// Normalizes settings for the comparison: the curve covers every ε and uses `base` roll-outs.
+/// Normalizes settings for the comparison, because its curve covers every ε and uses `base`
+/// roll-outs.
 fn without_epsilon(settings: &ShfrsFile) -> ShfrsFile {
     let mut settings = settings.clone();
     (settings.epsilon, settings.rollout) = (Vec::new(), Rollout::Base);
@@ -102,13 +105,13 @@ fn without_epsilon(settings: &ShfrsFile) -> ShfrsFile {
 }
 
 impl Explorer {
-    /// The reason why there are too few tasks for a comparison, if so.
+    /// Why there are too few tasks for a comparison.
     pub(super) fn lacks_tasks_to_compare(&self) -> Option<String> {
         tuning::lacking(self, Guarantee::Conformal, LEAST_TARGET)
     }
 }
 
-/// Charts and tables.
+/// The section with the charts and tables.
 pub(super) fn section(explorer: &Explorer) -> Node {
     let it = &explorer.areas;
     let is_busy = it.asked.is_some() && it.done < 1.0 && it.trouble.is_none();
@@ -174,7 +177,7 @@ fn grid(it: &Areas, pareto: &Pareto, charts: &[Element]) -> Node {
 /// Coverages at which the table samples the curves.
 const READ_AT: [f64; 5] = [0.5, 0.75, 0.9, 0.95, 1.0];
 
-/// The charts as a table.
+/// The charts' numbers as tables.
 fn twin(pareto: &Pareto) -> Node {
     let row =
         |row: &ParetoRow| {

@@ -1,5 +1,5 @@
-//! Messages between the page and its three evaluators. One counts, and trains the predictor; one
-//! compares areas; one tunes. None waits for another.
+//! Messages between the page and its three evaluators. One counts and trains the predictor, one
+//! compares areas, and one tunes. None of them waits for another.
 
 use super::predictor::Ask;
 use super::{Explorer, Msg};
@@ -14,19 +14,19 @@ use std::rc::Rc;
 /// An evaluator, which runs in a worker.
 struct Beside {
     name: &'static str,
-    /// Turns its reports into messages.
+    /// Converts its reports to messages of the page.
     then: fn(Answer) -> Msg,
 }
 
 /// Trains the predictor, and counts how often sets contain the future.
 const COUNTER: Beside = Beside { name: "evaluator", then: Msg::Report };
-/// Computes the area needed for a coverage.
+/// Computes the area that a coverage needs.
 const COMPARER: Beside = Beside { name: "comparer", then: Msg::Areas };
-/// Tunes.
+/// Tunes the settings.
 const TUNER: Beside = Beside { name: "tuner", then: Msg::Tuned };
 
 impl Beside {
-    /// Sends a message to it.
+    /// Sends a message to this evaluator.
     fn tell(&self, part: Part, content: Vec<u8>) -> Command<Msg> {
         let &Self { name, then } = self;
         let tell = move || Evaluate { name, part, content, then: Rc::new(then) };
@@ -47,8 +47,8 @@ impl Explorer {
         commands
     }
 
-    /// Requests the chosen predictor, from the server or the evaluator, once the safety levels are
-    /// known.
+    /// Once the safety levels are known, requests the chosen predictor from the server or from the
+    /// evaluator.
     pub(super) fn ask_predictor(&mut self) -> Commands<Msg> {
         self.coverage.forget();
         self.areas.forget();
@@ -70,12 +70,12 @@ impl Explorer {
         commands
     }
 
-    /// Takes the predictor that the server sent.
+    /// Processes the server's answer with the predictor.
     pub(super) fn take_predictor(&mut self, answer: Answer) -> Commands<Msg> {
         self.choice.arrived(answer).map(|file| self.use_file(file)).unwrap_or_default()
     }
 
-    /// Uses a predictor that the evaluator does not have yet.
+    /// Uses a predictor from outside the evaluator, and sends it to the evaluator.
     fn use_file(&mut self, file: PredictorFile) -> Commands<Msg> {
         let mut commands = vec![COUNTER.tell(Part::Predictor, json::write(&file).into_bytes())];
         self.predict_with(file);
@@ -83,7 +83,7 @@ impl Explorer {
         commands
     }
 
-    /// Takes a report of the evaluator.
+    /// Processes a report from the evaluator.
     pub(super) fn take_report(&mut self, answer: Answer) -> Commands<Msg> {
         let Some(mut report) = self.coverage.newest(answer) else { return Vec::new() };
         let Some(file) = report.predictor.take() else {
@@ -104,7 +104,7 @@ impl Explorer {
         self.use_settings()
     }
 
-    /// Predicts with this predictor from now on.
+    /// Uses this predictor for predictions from now on.
     fn predict_with(&mut self, file: PredictorFile) {
         let learned = Predictor::try_from(file).and_then(|predictor| {
             let settings = ShfrsSettings::paper(predictor.classes().len())?;
@@ -131,7 +131,7 @@ impl Explorer {
         commands
     }
 
-    /// Asks how much area a coverage costs, unless that is known for these settings.
+    /// Asks how much area a coverage needs, unless that was already asked for these settings.
     fn ask_areas(&mut self) -> Commands<Msg> {
         if self.lacks_tasks_to_compare().is_some() {
             return Vec::new();
@@ -145,7 +145,7 @@ impl Explorer {
         commands
     }
 
-    /// Tunes in an evaluator that lives only as long as tuning takes.
+    /// Starts tuning, in an evaluator that exists only while it tunes.
     pub(super) fn tune(&mut self) -> Commands<Msg> {
         if self.playback.learned().is_none() || !self.is_valid() {
             return Vec::new();
@@ -166,7 +166,7 @@ impl Explorer {
         vec![Command::Cancel(TUNER.name)]
     }
 
-    /// Takes a report of the tuner, and predicts with its result.
+    /// Processes a report from the tuner. When the result has arrived, predicts with it.
     pub(super) fn take_tuned(&mut self, answer: Answer) -> Commands<Msg> {
         if !self.tuning.take(answer) {
             return Vec::new();
@@ -187,7 +187,8 @@ impl Explorer {
         })
     }
 
-    /// Sends an evaluator its input: tasks, value functions and, if there is one, the predictor.
+    /// Sends an evaluator its input: the tasks, the value functions and, if there is one, the
+    /// predictor.
     fn introduce(&self, evaluator: &Beside) -> Commands<Msg> {
         let safety = self.playback.safety().into_iter().flat_map(|safety| {
             [(Part::Human, safety.human.encode()), (Part::Robot, safety.robot.encode())]

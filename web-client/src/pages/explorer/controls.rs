@@ -1,4 +1,4 @@
-//! The settings of a prediction as controls, each with its errors beside it.
+//! The settings of a prediction as form controls. Errors are shown beside their control.
 
 use super::{Explorer, Msg};
 use crate::form::FieldValue;
@@ -13,7 +13,7 @@ use sidestep::shfrs::file::{MOST_SETS, MOST_STEPS, PRESETS, ShfrsFile};
 
 type Node = view::Node<Msg>;
 
-/// The paper's settings.
+/// Buttons for the paper's settings.
 pub(super) fn presets(explorer: &Explorer) -> Node {
     let button = |(place, preset): (usize, &sidestep::shfrs::file::Preset)| {
         let wanted = &explorer.wanted;
@@ -30,7 +30,7 @@ pub(super) fn presets(explorer: &Explorer) -> Node {
         .children(PRESETS.iter().enumerate().map(button))
 }
 
-/// Steps ahead, number of sets, choice of actions, and the roll-out.
+/// The number of future steps, the number of sets, the choice of actions, and the roll-outs.
 pub(super) fn section(explorer: &Explorer) -> Node {
     let wanted = &explorer.wanted;
     let step_s = explorer.drives.parameters.step_s;
@@ -64,7 +64,7 @@ pub(super) fn section(explorer: &Explorer) -> Node {
         .children(said(explorer, &["rollout"]))
 }
 
-/// The choice of actions at each step.
+/// Controls for the choice of actions at each step.
 fn actions(explorer: &Explorer) -> Vec<Node> {
     let wanted = &explorer.wanted;
     let by = [
@@ -107,7 +107,7 @@ fn actions(explorer: &Explorer) -> Vec<Node> {
     nodes
 }
 
-/// A slider with its label and its value in words. `then` turns its value into a message.
+/// A slider with its label and its value in words. `then` converts its input to a message.
 fn slider(
     id: &'static str,
     label: &str,
@@ -129,21 +129,22 @@ fn slider(
         .child(el("output").attr("for", id).text(words))
 }
 
-/// The error in one of these settings, if any.
+/// The error message, if the error is in one of these settings.
 pub(super) fn said(explorer: &Explorer, fields: &[&str]) -> Option<Node> {
     let complaint = explorer.complaint.as_ref()?;
     let named = complaint.field.split('[').next().unwrap_or_default();
     fields.contains(&named).then(|| alert("complaint", &worded(&format!("{complaint}."))))
 }
 
-/// At least `least` actions count in the first `upto` steps, and fewer afterwards.
+/// Lets at least `least` actions count in the first `upto` steps, and fewer than `least`
+/// afterwards.
 pub(super) fn count_up_to(settings: &mut ShfrsFile, least: usize, upto: usize) {
     for (i, k) in settings.k.iter_mut().flatten().enumerate() {
         *k = if i < upto { (*k).max(least) } else { (*k).min(least - 1) };
     }
 }
 
-/// The settings as a file and as text.
+/// The settings as a file, as a command and as JSON text.
 pub(super) fn file(explorer: &Explorer) -> Node {
     let area = el("textarea")
         .attrs(&[("rows", "5"), ("spellcheck", "false"), ("aria-label", "Settings as JSON")])

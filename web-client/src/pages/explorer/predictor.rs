@@ -1,4 +1,4 @@
-//! The explorer's predictor, and the tasks that did not train it.
+//! The explorer's predictor, and the tasks on which it was not trained.
 
 use super::Msg;
 use crate::evaluation::Training;
@@ -19,24 +19,24 @@ type Node = view::Node<Msg>;
 /// The choice of a predictor.
 pub(super) struct Choice {
     chosen: Chosen,
-    /// Features of the predictor trained here: the name of an entry of [`FEATURES`].
+    /// Features of the predictor trained here, by their name in [`FEATURES`].
     features: &'static str,
     /// Facts about the predictor, once it is loaded.
     known: Option<Known>,
     /// Other models to choose from.
     pub(super) offered: Offered,
-    /// Why there is no predictor, if so.
+    /// Why there is no predictor.
     refused: Option<String>,
 }
 
 /// A predictor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Chosen {
-    /// Trained beside the page, on the same tasks as by the command line.
+    /// Trained in the evaluator, on the same tasks that the command line would use.
     Here,
     /// Trained by the server on all trials before the current one.
     Earlier,
-    /// Every input is equally likely.
+    /// A constant predictor: every input is equally likely.
     Constant,
     /// A model of an analysis.
     Named(Named),
@@ -49,24 +49,24 @@ struct Known {
     trials: usize,
     /// The ids of these trials.
     trained_on: Vec<String>,
-    /// Why it is a simple one, if so.
+    /// Why the predictor has only the frequencies of the inputs, if so.
     fallback: Option<String>,
-    /// The analysis that trained it, if any.
+    /// The analysis that trained the predictor, if any.
     source: Option<PredictorSource>,
 }
 
-/// Source of a predictor.
+/// Where to get a predictor from.
 pub(super) enum Ask {
-    /// The server has it.
+    /// From the server.
     Server(Request<Msg>),
-    /// The evaluator must train it.
+    /// From the evaluator, which must train it.
     Evaluator(Training),
-    /// It is known already.
+    /// Already known, or an error.
     Nobody(Result<PredictorFile, Invalid>),
 }
 
-/// Feature sets to choose from: name in links, features, label. The first one is the command line's
-/// default.
+/// The feature sets to choose from: name in links, features, and label. The first one is the
+/// default of the command line.
 const FEATURES: [(&str, &[&str], &str); 9] = [
     ("usual", &["hrd", "robot_ahead", "robot_left"], "B, V_HR, V_RH, distance, robot ahead, left"),
     ("hrd", &["hrd"], "B_hrd: B, V_HR, V_RH, distance"),
@@ -86,7 +86,7 @@ fn parts(tasks: usize) -> Parts {
 }
 
 impl Choice {
-    /// Link parameters that [`Self::of`] uses.
+    /// The link parameters that [`Self::of`] reads.
     pub(super) const NAMES: [&str; 4] = ["predictor", "features", "analysis", "file"];
 
     /// Link value for the predictor trained here.
@@ -97,8 +97,8 @@ impl Choice {
         parts(drives.tasks.len())
     }
 
-    /// The choice in the address of the page; without one, the command line's default. Also returns
-    /// an error message if the address names something unknown.
+    /// The choice that the page's address describes; by default, the command line's default. Also
+    /// returns an error message if the address has an unknown value.
     pub(super) fn of(address: &Address) -> (Self, Option<String>) {
         let mut misread = None;
         let chosen = match (Named::of(address), address.parameter("predictor")) {
@@ -158,7 +158,7 @@ impl Choice {
         }
     }
 
-    /// Requests the models to choose from.
+    /// Requests the list of models to choose from.
     pub(super) fn begin(&self, drives: &Drives) -> Commands<Msg> {
         vec![Offered::ask(&drives.study, Msg::Analyses)]
     }
@@ -176,7 +176,7 @@ impl Choice {
         };
     }
 
-    /// Sets other features for the predictor trained here. Returns whether they exist.
+    /// Sets the features of the predictor trained here. Returns whether this feature set exists.
     pub(super) fn set_features(&mut self, name: &str) -> bool {
         let known = FEATURES.iter().find(|(known, ..)| *known == name);
         if let Some((known, ..)) = known {
@@ -185,7 +185,7 @@ impl Choice {
         known.is_some()
     }
 
-    /// Whether another task needs another predictor.
+    /// Whether the predictor depends on the current task.
     pub(super) fn depends_on_task(&self) -> bool {
         self.chosen == Chosen::Earlier
     }
@@ -201,7 +201,7 @@ impl Choice {
         }
     }
 
-    /// The model of an analysis as part of a query; empty for another predictor.
+    /// If the predictor is a model of an analysis, that model as part of a query. Otherwise empty.
     pub(super) fn named(&self) -> String {
         match &self.chosen {
             Chosen::Named(named) => named.query(),
@@ -209,8 +209,8 @@ impl Choice {
         }
     }
 
-    /// The source of the predictor for a trial of a participant with this number of tasks. `number`
-    /// is that of the evaluator's report.
+    /// Where to get the predictor from, for a trial of a participant with this number of tasks.
+    /// `number` is the number for the evaluator's report.
     pub(super) fn ask(&mut self, trial_id: &str, tasks: usize, number: u32) -> Ask {
         (self.known, self.refused) = (None, None);
         let route = routes::admin_predictor(trial_id);
@@ -239,7 +239,7 @@ impl Choice {
         FeatureSet::of(&names.collect::<Vec<String>>()).unwrap_or_else(|_| FeatureSet::none())
     }
 
-    /// Takes the predictor that the server sent, if it sent one.
+    /// Processes the server's answer. Returns the predictor, if the server has sent one.
     pub(super) fn arrived(&mut self, answer: Answer) -> Option<PredictorFile> {
         match read::<TrainedPredictor>(answer) {
             Ok(TrainedPredictor { predictor, trials, fallback, trained_on, source }) => {
@@ -264,8 +264,8 @@ impl Choice {
         self.refused = Some(format!("No predicted sets. {why}"));
     }
 
-    /// The tasks as the command line splits them, without those that trained the predictor: they
-    /// must not be used to calibrate or judge it.
+    /// Splits the tasks as the command line does, but leaves out tasks on which the predictor was
+    /// trained, because they must not be used to calibrate or test it.
     pub(super) fn parts(&self, drives: &Drives) -> Parts {
         let unseen = self.unseen(drives);
         let mut parts = parts(drives.tasks.len());
@@ -275,11 +275,11 @@ impl Choice {
         parts
     }
 
-    /// Indices of the tasks that did not train the predictor.
+    /// Indices of the tasks on which the predictor was not trained.
     pub(super) fn unseen(&self, drives: &Drives) -> Vec<usize> {
         let tasks = &drives.tasks;
         if self.chosen == Chosen::Here {
-            // The same tasks as the command line counts, in its order.
+            // These are the tasks that the command line counts, in its order.
             let Parts { calibration, test, .. } = parts(tasks.len());
             return [calibration, test].concat();
         }
@@ -289,14 +289,14 @@ impl Choice {
     }
 }
 
-/// A predictor with equal probabilities.
+/// A predictor that gives every input the same probability.
 fn equally_likely() -> Result<PredictorFile, Invalid> {
     let features = FeatureSet::of(&["distance"])?;
     let predictor = Predictor::constant(features, vec![-1, 0, 1], vec![1.0 / 3.0; 3])?;
     Ok(PredictorFile::from(&predictor))
 }
 
-/// The control, and facts about the predictor.
+/// The control that chooses the predictor, and facts about the predictor.
 pub(super) fn section(choice: &Choice, drives: &Drives) -> Node {
     let id = "choose-predictor";
     let is_waiting = choice.known.is_none() && choice.refused.is_none();

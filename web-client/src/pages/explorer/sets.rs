@@ -1,4 +1,4 @@
-//! The predicted sets, one row each: widening, area, and how often the set contains the future.
+//! The predicted sets, one per row: widening, area, and how often the set contains the future.
 
 use super::controls::said;
 use super::{Explorer, Msg};
@@ -11,7 +11,7 @@ use sidestep::trial_view::layers::{LAYERS, place};
 
 type Node = view::Node<Msg>;
 
-/// The table of sets, and the meaning of its numbers.
+/// The table of sets, with an explanation of its numbers.
 pub(super) fn section(explorer: &Explorer) -> Node {
     let sets = explorer.wanted.epsilon.len();
     let signs =
@@ -34,7 +34,8 @@ pub(super) fn section(explorer: &Explorer) -> Node {
 
 fn row(explorer: &Explorer, j: usize, sign: Option<&LegendItem>) -> Node {
     let epsilon = explorer.wanted.epsilon[j];
-    // A larger widening has no effect: the prediction already admits every turn rate.
+    // A larger widening would have no effect, because the prediction already admits every turn
+    // rate.
     let most = 2.0 * explorer.drives.parameters.human.turn_rate_radps;
     let most = number(most.max(explorer.wanted.epsilon.iter().copied().fold(0.0, f64::max)));
     let name = format!("ε of set {}", j + 1);
@@ -81,7 +82,7 @@ fn row(explorer: &Explorer, j: usize, sign: Option<&LegendItem>) -> Node {
         .child(p.test_id(&format!("p-{j}")))
 }
 
-/// The tasks over which p is counted, progress, and the alternative.
+/// The choice of the tasks over which p is counted, with progress and a warning.
 fn counted(explorer: &Explorer) -> Node {
     let coverage = &explorer.coverage;
     let all = explorer.drives.tasks.len();

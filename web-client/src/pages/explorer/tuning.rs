@@ -1,4 +1,4 @@
-//! "Tune for p ≥ …": the aim, progress, and the result with its guarantee.
+//! "Tune for p ≥ …": what to tune for, progress, and the result with its guarantee.
 
 use super::predictor::Choice;
 use super::{Explorer, Msg};
@@ -16,14 +16,15 @@ use sidestep::shfrs::tuning::{Parts, Split};
 
 type Node = view::Node<Msg>;
 
-/// The aim of tuning, and its result.
+/// What to tune for, and the result.
 pub(super) struct Tuning {
     number: u32,
     /// The required probability that a trajectory stays inside F_1.
     p: f64,
-    /// Whether the guarantee is for each calibration, not on average over calibrations.
+    /// Whether the guarantee is for each calibration, with high confidence, and not only on
+    /// average.
     is_sure: bool,
-    /// Progress, while the tuner works.
+    /// Progress, while the tuner is working.
     done: Option<f64>,
     found: Option<Found>,
     trouble: Option<String>,
@@ -49,7 +50,7 @@ impl Tuning {
         self.aim(self.p, value.text() == "pac");
     }
 
-    /// Sets another aim and discards the result for the previous one.
+    /// Sets the coverage and guarantee to tune for. If they change, discards the previous result.
     fn aim(&mut self, p: f64, is_sure: bool) {
         if (p, is_sure) != (self.p, self.is_sure) {
             (self.p, self.is_sure) = (p, is_sure);
@@ -57,7 +58,7 @@ impl Tuning {
         }
     }
 
-    /// Whether the tuner works.
+    /// Whether the tuner is working.
     pub(super) fn is_busy(&self) -> bool {
         self.done.is_some()
     }
@@ -67,7 +68,7 @@ impl Tuning {
         (self.done, self.number) = (None, self.number + 1);
     }
 
-    /// Discards the result, which no longer applies.
+    /// Ends tuning and discards the result, which no longer applies.
     pub(super) fn forget(&mut self) {
         self.stop();
         (self.found, self.trouble) = (None, None);
@@ -80,7 +81,7 @@ impl Tuning {
         Aim { number: self.number, p: self.p, delta, steps, parts }
     }
 
-    /// Takes a report of the tuner. Returns whether it is the last one.
+    /// Processes a report from the tuner. Returns whether it is the last one.
     pub(super) fn take(&mut self, answer: Answer) -> bool {
         let content = match answer {
             Ok(content) => content,
@@ -99,7 +100,7 @@ impl Tuning {
         is_over
     }
 
-    /// The tuned settings.
+    /// The result, with the tuned settings.
     pub(super) fn found(&self) -> Option<&Found> {
         self.found.as_ref()
     }
@@ -166,7 +167,7 @@ pub(super) fn section(explorer: &Explorer) -> Node {
         .children(it.found.as_ref().map(|found| result(explorer, found)))
 }
 
-/// The reason why there are too few tasks to calibrate a coverage of `p`, if so.
+/// Why there are too few tasks to calibrate a coverage of `p`. `None` if there are enough.
 pub(super) fn lacking(explorer: &Explorer, guarantee: Guarantee, p: f64) -> Option<String> {
     let needed = guarantee.needed(p).ok()?;
     let (choice, drives) = (&explorer.choice, &explorer.drives);
@@ -206,7 +207,8 @@ fn result(explorer: &Explorer, found: &Found) -> Node {
         0 => "no task was left to measure it".to_owned(),
         _ => {
             let inside = (coverage.value * judged as f64).round();
-            // A small sample is imprecise: it agrees with p unless the whole interval is below p.
+            // A small sample is imprecise, so it agrees with p unless the whole interval is below
+            // p.
             let agrees = if coverage.high >= found.p { "agrees with" } else { "is below" };
             format!(
                 "{inside} of {judged} other tasks stayed inside: {} ({} % interval {}–{}), which {agrees} p ≥ {}",

@@ -1,4 +1,4 @@
-//! The explorer's view: the scene at one instant, and the settings beside it.
+//! The explorer's view: the scene at one instant, with the settings beside it.
 
 use super::{CANVAS, Explorer, Msg};
 use super::{areas, controls, predictor, sets, tuning};
@@ -81,7 +81,7 @@ fn panel(explorer: &Explorer) -> Node {
         let seconds = steps as f64 * explorer.drives.parameters.step_s;
         el("small").text(format!("where the human may be in {} s", fixed(seconds, 1)))
     });
-    // It scrolls, so it must be reachable by keyboard.
+    // The panel scrolls, so it must be reachable by keyboard.
     el("aside")
         .class("panel")
         .attrs(&[("tabindex", "0"), ("aria-label", "Settings")])
@@ -99,7 +99,7 @@ fn panel(explorer: &Explorer) -> Node {
         .child(controls::file(explorer))
 }
 
-/// Study and participant, as links.
+/// Links to the study and the participant.
 fn whose(explorer: &Explorer) -> Node {
     let drives = &explorer.drives;
     let pilot = if drives.pilot { "pilot" } else { "participant" };

@@ -1,4 +1,4 @@
-//! Access to the laboratory, and who did what: the keys and the audit trail.
+//! Access to the laboratory: the keys, and the audit trail of who did what.
 
 use super::visit::Visit;
 use crate::form::Form;
@@ -10,7 +10,7 @@ use sidestep::api::{Access, Action, AuditEntry, AuditPage, KeyMade, KeySummary, 
 
 type Node = view::Node<Msg>;
 
-/// The page of keys and of the audit trail.
+/// The page with the keys and the audit trail.
 pub(super) struct AccessPage {
     /// The name of the user's key.
     name: String,
@@ -20,11 +20,11 @@ pub(super) struct AccessPage {
     keys: Option<Vec<KeySummary>>,
     entries: Vec<AuditEntry>,
     next_before: Option<i64>,
-    /// The new key. It is shown until the user leaves the page, and never again.
+    /// The new key. It is shown until the user leaves the page, and cannot be shown again.
     made: Option<KeyMade>,
-    /// Number of keys made: the form is reset after each.
+    /// Number of keys created. The form is reset after each.
     makings: u32,
-    /// The key to be revoked after confirmation.
+    /// The key that the user must confirm to revoke.
     revoking: Option<i64>,
     /// Why the last action failed.
     trouble: Option<String>,
@@ -37,22 +37,23 @@ pub(super) enum Msg {
     Keys(Answer),
     /// The server listed entries of the audit trail.
     Audit(Answer),
-    /// Load older entries.
+    /// Load older entries of the audit trail.
     More,
-    /// The form of a new key was submitted.
+    /// The form for a new key was submitted.
     Make(Form),
-    /// The server made a key.
+    /// The server created a key.
     Made(Answer),
-    /// Ask for confirmation to revoke a key, or cancel that.
+    /// Ask for confirmation before a key is revoked; `None` cancels.
     AskToRevoke(Option<i64>),
-    /// The user has confirmed.
+    /// The user has confirmed the revocation.
     Revoke(i64),
     /// The server revoked a key.
     Revoked(Answer),
 }
 
 impl AccessPage {
-    /// The page when it opens. Only managers see more than their own access.
+    /// Creates the page and its first commands. Only users with the right to manage see more than
+    /// their own access.
     pub(super) fn open(visit: &Visit<'_>) -> (Self, Commands<Msg>) {
         let page = Self {
             name: visit.session.name.clone(),
@@ -80,7 +81,7 @@ impl AccessPage {
         vec![Command::Send(keys), Command::Send(audit)]
     }
 
-    /// Shows the outcome of a change, and reloads the lists.
+    /// Clears messages about the last change and reloads the lists.
     fn begin_again(&mut self) -> Commands<Msg> {
         (self.trouble, self.revoking) = (None, None);
         self.entries.clear();

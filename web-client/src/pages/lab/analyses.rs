@@ -1,4 +1,4 @@
-//! The analyses of a study: a new one with its settings, and the state of all.
+//! The analyses of a study: a form for a new analysis, and the state of all analyses.
 
 use super::study::{self, Tab};
 use super::visit::Visit;
@@ -20,7 +20,7 @@ pub(super) struct Analyses {
     study: Option<StudySummary>,
     analyses: Option<Vec<AnalysisSummary>>,
     next_before: Option<i64>,
-    /// Number of analyses requested: the form is reset after each.
+    /// Number of analyses requested. The form is reset after each.
     requests: u32,
     trouble: Option<String>,
 }
@@ -28,28 +28,28 @@ pub(super) struct Analyses {
 /// Messages to the page.
 #[derive(Clone)]
 pub(super) enum Msg {
-    /// Something has changed.
+    /// Something on the server has changed.
     Changed,
     /// The server described the study.
     Study(Answer),
     /// The server listed the newest analyses.
     Listed(Answer),
-    /// Load older ones.
+    /// Load older analyses.
     More,
-    /// The server listed older ones.
+    /// The server listed older analyses.
     Older(Answer),
-    /// The form of a new analysis was submitted.
+    /// The form for a new analysis was submitted.
     Ask(Form),
-    /// The server has queued it, or refused.
+    /// The server has queued the new analysis, or refused.
     Asked(Answer),
     /// Cancel an analysis.
     Cancel(String),
-    /// The server has cancelled it, or refused.
+    /// The server has cancelled the analysis, or refused.
     Done(Answer),
 }
 
 impl Analyses {
-    /// The page as it opens at `/lab/studies/SLUG/analyses`.
+    /// Creates the page for `/lab/studies/SLUG/analyses` and its first commands.
     pub(super) fn open(visit: &Visit<'_>) -> (Self, Commands<Msg>) {
         let page = Self {
             slug: visit.id.to_owned(),
@@ -72,7 +72,7 @@ impl Analyses {
     }
 
     fn listed(&mut self, page: AnalysisPage) {
-        // Older analyses in the list stay.
+        // Keep the older analyses that are already in the list.
         let oldest = page.analyses.last().map(|analysis| analysis.created_at_ms);
         let mut analyses = page.analyses;
         let shown = self.analyses.take().unwrap_or_default();
@@ -90,7 +90,7 @@ impl Analyses {
     }
 }
 
-/// The request of the form.
+/// Converts the form to a request.
 fn request(form: &Form) -> comparison::Request {
     let names = form.text("features").split([',', ' ', '\n']).filter(|name| !name.is_empty());
     let features: Vec<String> = names.map(str::to_owned).collect();
@@ -243,7 +243,7 @@ impl Page for Analyses {
 
 impl Analyses {
     fn table(&self, analyses: &[AnalysisSummary]) -> Node {
-        // The table has a column for cancelling while any analysis can be cancelled.
+        // The table has a column for cancelling as long as any analysis can be cancelled.
         let may_cancel = self.may_manage && analyses.iter().any(|it| !it.state.is_over());
         let columns = ["Requested", "State", "Settings", "Participants"];
         let columns = columns.into_iter().chain(may_cancel.then_some("Action"));
@@ -345,7 +345,7 @@ impl Analyses {
     }
 }
 
-/// A hint that analyses can be compared, once two are finished.
+/// A hint that analyses can be compared. It is shown once two analyses are finished.
 fn comparable(analyses: &[AnalysisSummary]) -> Option<Node> {
     let mut done = analyses.iter().filter(|it| it.state == AnalysisState::Done);
     let newest = done.next()?;

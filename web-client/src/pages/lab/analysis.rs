@@ -1,4 +1,4 @@
-//! One analysis: its progress, then its report and files, and its input data.
+//! One analysis: its progress or, once it is finished, its report, its files and its input data.
 
 use super::analyses::{settings, state};
 use super::compare;
@@ -27,7 +27,7 @@ pub(super) struct AnalysisView {
     /// The analysis to compare this one with.
     other: Option<AnalysisSummary>,
     predictors: Predictors,
-    /// Whether deletion waits for confirmation.
+    /// Whether the user must confirm to delete the analysis.
     deleting: bool,
     trouble: Option<String>,
 }
@@ -35,35 +35,35 @@ pub(super) struct AnalysisView {
 /// Messages to the page.
 #[derive(Clone)]
 pub(super) enum Msg {
-    /// Something has changed.
+    /// Something on the server has changed.
     Changed,
     /// The server described the analysis.
     Found(Answer),
     /// The server listed the study's analyses.
     Others(Answer),
-    /// Compare this one with another, or with none.
+    /// Compare this analysis with another one, or with none.
     Compare(FieldValue),
-    /// The server described the other one.
+    /// The server described the other analysis.
     Other(Answer),
-    /// A message to the list of its models.
+    /// A message to the list of this analysis's models.
     Predictors(predictors::Msg),
-    /// Cancel it.
+    /// Cancel the analysis.
     Cancel,
-    /// The server has cancelled it, or refused.
+    /// The server has cancelled the analysis, or refused.
     Cancelled(Answer),
-    /// Ask for confirmation to delete it, or cancel that.
+    /// Ask for confirmation before the analysis is deleted, or stop asking.
     AskToDelete(bool),
-    /// The user has confirmed.
+    /// The user has confirmed the deletion.
     Delete,
-    /// The server has deleted it, or refused.
+    /// The server has deleted the analysis, or refused.
     Deleted(Answer),
 }
 
-/// The report's name among the files.
+/// File name of the report.
 const REPORT: &str = "report.html";
 
 impl AnalysisView {
-    /// The page as it opens at `/lab/analyses/ID`.
+    /// Creates the page for `/lab/analyses/ID` and its first commands.
     pub(super) fn open(visit: &Visit<'_>) -> (Self, Commands<Msg>) {
         let page = Self {
             id: visit.id.to_owned(),
@@ -101,7 +101,7 @@ impl Page for AnalysisView {
                     return if is_news { vec![Command::Send(list), models] } else { Vec::new() };
                 }
                 Err(failure) => {
-                    // It may have been deleted meanwhile.
+                    // The analysis may have been deleted meanwhile.
                     self.analysis = self.analysis.take().filter(|_| failure.status != 404);
                     Some(failure)
                 }
@@ -195,7 +195,7 @@ impl Page for AnalysisView {
 }
 
 impl AnalysisView {
-    /// The models, while the analysis has them.
+    /// The list of models, if the analysis has results.
     fn predictors(&self, own: &AnalysisSummary) -> Option<Node> {
         own.result.as_ref()?;
         let lift: Rc<dyn Fn(predictors::Msg) -> Msg> = Rc::new(Msg::Predictors);
@@ -207,7 +207,7 @@ impl AnalysisView {
     }
 }
 
-/// Explains the state, if its name is not enough.
+/// Explains the state of the analysis, if the state's name is not enough.
 fn words(analysis: &AnalysisDetail) -> Option<Node> {
     let summary = &analysis.summary;
     let words = match summary.state {
@@ -270,7 +270,7 @@ fn data(study: &str, analysis: &AnalysisDetail, result: &AnalysisResult) -> Node
         .children(provenance(result))
 }
 
-/// Why lists and files have more entries than there are trained models.
+/// Explains why lists and files have more entries than there are trained models, if they do.
 fn twice(result: &AnalysisResult) -> Option<String> {
     let models = result.models.filter(|models| *models < result.cells)?;
     Some(format!(
@@ -281,7 +281,7 @@ fn twice(result: &AnalysisResult) -> Option<String> {
     ))
 }
 
-/// The program and the data that made the files.
+/// The program version and the data from which the files were made.
 fn provenance(result: &AnalysisResult) -> Option<Node> {
     let (version, hash) = (result.version.as_ref()?, result.data_sha256.as_ref()?);
     let short: String = hash.chars().take(12).collect();

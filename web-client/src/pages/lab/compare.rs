@@ -1,4 +1,4 @@
-//! Two analyses side by side: their input, and how often their models are right.
+//! Compares two analyses side by side: their input, and the accuracy of their models.
 
 use super::analyses::settings;
 use crate::form::FieldValue;
@@ -7,8 +7,8 @@ use crate::view::{Node, el};
 use sidestep::api::{AnalysisResult, AnalysisSummary, MeanAccuracy};
 use std::collections::BTreeMap;
 
-/// The choice of another finished analysis, and the comparison once it is loaded. `chosen` gets the
-/// id of the choice.
+/// Lets the user choose another finished analysis, and shows the comparison once that analysis is
+/// loaded. `chosen` gets the id of the choice.
 pub(super) fn section<M: Clone + 'static>(
     own: &AnalysisSummary,
     others: &[AnalysisSummary],
@@ -46,7 +46,7 @@ pub(super) fn section<M: Clone + 'static>(
     )
 }
 
-/// The input of each.
+/// The input of both analyses.
 fn inputs<M>(
     (own, result): (&AnalysisSummary, &AnalysisResult),
     (other, theirs): (&AnalysisSummary, &AnalysisResult),
@@ -120,7 +120,7 @@ fn scroll<M>(label: &str) -> Node<M> {
     el("div").class("scroll").attrs(&[("role", "group"), ("tabindex", "0"), ("aria-label", label)])
 }
 
-/// With its sign, except for 0.00.
+/// Formats a difference with its sign, except for 0.00.
 fn difference(points: f64) -> String {
     match format!("{:.2}", points.abs()).as_str() {
         "0.00" => "0.00".to_owned(),

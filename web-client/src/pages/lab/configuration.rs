@@ -1,8 +1,8 @@
-//! The configuration of a study: a form or a file, checked while the user edits it, who can take
-//! part, and the links for participants.
+//! The configuration of a study: a form or a file, which is checked while the user edits it; who
+//! can take part; and the links for participants.
 //!
-//! The text of the study file is the draft. The form shows the draft; the server turns input in the
-//! form back into text.
+//! The text of the study file is the draft. The form shows the draft, and the server converts input
+//! in the form back to text.
 
 mod document;
 mod edit;
@@ -34,20 +34,20 @@ pub(super) struct ConfigurationPage {
     /// The study's slug; `None` for a new study.
     slug: Option<String>,
     may_manage: bool,
-    /// Scheme and host of this server.
+    /// Scheme and host of the server.
     origin: String,
     study: Option<StudySummary>,
     info: Option<StudyInfo>,
     /// The stored configuration; `None` before it is loaded, and for a new study.
     base: Option<Configuration>,
     editor: Editor,
-    /// Whether the differences are shown and storing waits for confirmation.
+    /// Whether the differences are shown and the user must confirm to store the draft.
     confirming: bool,
-    /// Whether the study is incomplete and opening it waits for confirmation.
+    /// Whether the study is incomplete and the user must confirm to open it.
     opening: bool,
     /// Whether the draft was just stored.
     stored: bool,
-    /// Whether another user has stored another configuration since.
+    /// Whether another user has stored another configuration meanwhile.
     overtaken: bool,
     trouble: Option<String>,
 }
@@ -57,7 +57,7 @@ pub(super) struct ConfigurationPage {
 pub(super) enum Msg {
     /// The server described the study.
     Study(Answer),
-    /// The server sent what it tells participants about the study.
+    /// The server sent the study's information for participants.
     Info(Answer),
     /// The server sent the configuration.
     Configuration(Answer),
@@ -71,13 +71,13 @@ pub(super) enum Msg {
     Rebuild(Edit, String),
     /// The text has changed.
     Typed(FieldValue),
-    /// The pause in typing is over.
+    /// The pause in typing is long enough for a check.
     Check,
     /// The server checked the draft.
     Checked(Answer),
     /// Store the draft.
     Store,
-    /// Cancel the confirmation.
+    /// Cancel the confirmation and continue to edit.
     GoOn,
     /// The user has confirmed the differences.
     Confirm,
@@ -85,16 +85,16 @@ pub(super) enum Msg {
     Stored(Answer),
     /// Open, close or archive the study.
     Set(Status),
-    /// The server has set it.
+    /// The server has changed the status, or refused.
     StatusSet(Answer),
     /// Replace the draft by the stored configuration.
     Reload,
 }
 
-/// Pause in typing after which the draft is checked, ms.
+/// Length of the pause in typing after which the draft is checked (ms).
 const PAUSE_MS: f64 = 350.0;
 
-/// Template of a new study.
+/// Template for a new study.
 const TEMPLATE: &str = "\
 slug = \"my-study\"
 title = \"My study\"
@@ -113,7 +113,7 @@ contact = \"\"
 ";
 
 impl ConfigurationPage {
-    /// The page as it opens at `/lab/studies/SLUG/configuration`.
+    /// Creates the page for `/lab/studies/SLUG/configuration` and its first commands.
     pub(super) fn open(visit: &Visit<'_>) -> (Self, Commands<Msg>) {
         let mut page = Self::blank(visit);
         page.slug = Some(visit.id.to_owned());
@@ -121,7 +121,8 @@ impl ConfigurationPage {
         (page, commands)
     }
 
-    /// The page as it opens at `/lab/new`, or `/lab/new?from=SLUG` for a copy.
+    /// Creates the page for `/lab/new`, or for `/lab/new?from=SLUG` (a copy), and its first
+    /// commands.
     pub(super) fn open_new(visit: &Visit<'_>) -> (Self, Commands<Msg>) {
         let mut page = Self::blank(visit);
         let commands = match visit.address.parameter("from") {
@@ -167,7 +168,7 @@ impl ConfigurationPage {
         (self.confirming, self.overtaken, self.stored) = (false, false, false);
     }
 
-    /// Whether there is anything to store.
+    /// Whether there is something to store.
     fn is_changed(&self) -> bool {
         self.slug.is_none() || self.editor.is_changed()
     }
@@ -182,7 +183,7 @@ impl ConfigurationPage {
         Command::Send(Request { method: "POST", body: Some(body), ..ask })
     }
 
-    /// Schedules a check of the draft after a pause in typing.
+    /// Handles input: schedules a check of the draft after a pause in typing.
     fn entered(&mut self) -> Commands<Msg> {
         (self.confirming, self.stored) = (false, false);
         let wake = Command::Wake { timer: "pause", after_ms: PAUSE_MS, message: Msg::Check };
@@ -206,13 +207,13 @@ impl ConfigurationPage {
             self.base = Some(found);
             return vec![Command::GuardLeaving(false), self.check()];
         }
-        // A copy needs its own name.
+        // A copy needs a slug of its own.
         self.editor.begin_new(copy_of(&found));
         vec![self.check()]
     }
 }
 
-/// The text of a study with another name, which is not open yet.
+/// The text of a copy, with another slug and the status closed.
 fn copy_of(configuration: &Configuration) -> String {
     let slug = &configuration.study;
     let renamed = |line: &str| match line.split_once(" = ") {
@@ -220,7 +221,7 @@ fn copy_of(configuration: &Configuration) -> String {
         Some(("status", _)) => String::new(),
         _ => format!("{line}\n"),
     };
-    // Only the lines before the first table are about the study itself.
+    // Only the lines before the first table describe the study itself.
     let (head, tables) = match configuration.toml.find("\n[") {
         Some(at) => configuration.toml.split_at(at + 1),
         None => (configuration.toml.as_str(), ""),
@@ -286,8 +287,8 @@ impl Page for ConfigurationPage {
                         commands.push(Command::Visit(Tab::Configuration.address(&stored.study)));
                         return commands;
                     }
-                    // The text stays as the user wrote it, with comments, until the user leaves the
-                    // page.
+                    // Until the user leaves the page, the text stays as the user wrote it,
+                    // including comments.
                     self.editor.stored();
                     (self.confirming, self.stored) = (false, true);
                     commands.push(study::ask(&stored.study, Msg::Study));
@@ -365,7 +366,8 @@ impl ConfigurationPage {
         self.may_manage.then(|| link.test_id("copy").text("Duplicate"))
     }
 
-    /// The study as a form or as text, the server's remarks, and the buttons that store it.
+    /// The study as a form or as text, with the server's remarks and the buttons that store the
+    /// draft.
     fn configuration(&self) -> Node {
         let editor = el("div")
             .class("editor")

@@ -1,11 +1,11 @@
-//! The server's last check of its data.
+//! The result of the server's last check of its data.
 
 use crate::pages::parts::{count, size};
 use crate::runtime::{Answer, Command, Request};
 use crate::view::{Node, el};
 use sidestep::api::{DataCheck, DataCheckState, routes};
 
-/// Requests it.
+/// Requests the result.
 pub(super) fn ask<M: 'static>(then: fn(Answer) -> M) -> Command<M> {
     Command::Send(Request::get("data-check", routes::DATA_CHECK, then))
 }
@@ -22,7 +22,7 @@ pub(super) fn trouble(check: &DataCheck) -> Option<String> {
     Some(format!("The server could not check its data, or write a backup: {message}."))
 }
 
-/// All results.
+/// All results of the check.
 pub(super) fn section<M>(check: &DataCheck) -> Node<M> {
     let p = || el("p");
     let trouble = trouble(check);

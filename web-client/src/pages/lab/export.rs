@@ -1,4 +1,4 @@
-//! A study's data as one archive, in a choice of formats.
+//! Export of a study's data as one archive, in a choice of formats.
 
 use super::study::{self, Tab};
 use super::visit::Visit;
@@ -9,7 +9,7 @@ use sidestep::api::{Access, Configuration, ConfigurationVersion, StudySummary, r
 
 type Node = view::Node<Msg>;
 
-/// The page that exports a study.
+/// The page that exports a study's data.
 pub(super) struct Export {
     slug: String,
     /// Whether the user may download data.
@@ -17,14 +17,14 @@ pub(super) struct Export {
     study: Option<StudySummary>,
     /// The configurations of the study, newest first.
     versions: Vec<ConfigurationVersion>,
-    /// Why there is nothing to show.
+    /// Why there is nothing to show, or why it is outdated.
     trouble: Option<String>,
 }
 
 /// Messages to the page.
 #[derive(Clone, Debug)]
 pub(super) enum Msg {
-    /// Something has changed.
+    /// Something on the server has changed.
     Changed,
     /// The server described the study.
     Study(Answer),
@@ -32,7 +32,7 @@ pub(super) enum Msg {
     Configuration(Answer),
 }
 
-/// The formats: the word in the URL, the name and the programs that read it. The first is the
+/// The formats: the word in the URL, the name, and what the format is for. The first format is the
 /// default.
 const FORMATS: [(&str, &str, &str); 5] = [
     ("csv", "CSV", "for R, pandas, spreadsheets"),
@@ -43,7 +43,7 @@ const FORMATS: [(&str, &str, &str); 5] = [
 ];
 
 impl Export {
-    /// The page as it opens at `/lab/studies/SLUG/export`.
+    /// Creates the page for `/lab/studies/SLUG/export` and its first commands.
     pub(super) fn open(visit: &Visit<'_>) -> (Self, Commands<Msg>) {
         let page = Self {
             slug: visit.id.to_owned(),
@@ -110,7 +110,8 @@ impl Page for Export {
 }
 
 impl Export {
-    /// The options. The browser itself requests the archive and saves it while it downloads.
+    /// The form with the options. The browser itself requests the archive and saves it while
+    /// downloading it.
     fn form(&self, study: &StudySummary) -> Node {
         let format = |(place, &(word, name, use_))| {
             let input = el("input")

@@ -11,12 +11,12 @@ use sidestep::study::Status;
 
 type Node = view::Node<Msg>;
 
-/// The list of studies.
+/// The page with the list of studies.
 pub(super) struct Home {
-    /// Newest first; `None` before the server has answered.
+    /// The studies, newest first. `None` before the server has answered.
     studies: Option<Vec<StudySummary>>,
     may_manage: bool,
-    /// Errors in the stored data, if any.
+    /// Error message about the stored data, if the server found errors.
     faults: Option<String>,
     /// Why the list is missing or outdated.
     trouble: Option<String>,
@@ -25,16 +25,16 @@ pub(super) struct Home {
 /// Messages to the page.
 #[derive(Clone)]
 pub(super) enum Msg {
-    /// Something has changed.
+    /// Something on the server has changed.
     Changed,
     /// The server listed the studies.
     Listed(Answer),
-    /// The server sent its last check of its data.
+    /// The server sent the result of its last data check.
     Checked(Answer),
 }
 
 impl Home {
-    /// The page as it opens.
+    /// Creates the page and its first commands.
     pub(super) fn open(visit: &Visit<'_>) -> (Self, Commands<Msg>) {
         let may_manage = visit.session.access >= Access::Manage;
         let page = Self { studies: None, may_manage, faults: None, trouble: None };
@@ -59,7 +59,7 @@ impl Page for Home {
                 }
                 Err(failure) => self.trouble = Some(failure.sentence),
             },
-            // Without an answer no errors are known; the page of checks gives the reason.
+            // Without an answer, no errors are known. The self-check page shows the reason.
             Msg::Checked(answer) => {
                 self.faults = read(answer).ok().as_ref().and_then(data_check::trouble);
             }
@@ -73,7 +73,7 @@ impl Page for Home {
             (None, Some(why)) => return parts::stuck("No studies to show", why),
             (None, None) => return parts::loading(),
         };
-        // Before anyone has taken part, there is nothing to watch, but much to try.
+        // Before anyone has taken part, there is nothing to monitor, but much to try.
         let begins = studies.iter().all(|study| study.participants == 0);
         let newest = studies.iter().find(|study| !study.synthetic).filter(|_| begins);
         el("main")
@@ -104,7 +104,7 @@ impl Page for Home {
     }
 }
 
-/// A study, its numbers, and what needs attention.
+/// A card for a study: its numbers, and what needs attention.
 fn card(study: &StudySummary) -> Node {
     let name = if study.title.is_empty() { &study.slug } else { &study.title };
     let link = el("a")
@@ -134,7 +134,7 @@ fn card(study: &StudySummary) -> Node {
         .children(last)
 }
 
-/// What an experimenter should look at or do in this study.
+/// What an experimenter should check or do in this study.
 fn attention(study: &StudySummary) -> Vec<Node> {
     let mut lines = Vec::new();
     if study.doubtful > 0 {
@@ -157,10 +157,10 @@ fn attention(study: &StudySummary) -> Vec<Node> {
     lines
 }
 
-/// First steps on a server without any participants.
+/// First steps, shown while no study has participants.
 fn first_steps(study: &StudySummary) -> Node {
     let link = |href: String, name: &str, words: &str| {
-        // Each opens the participant's page in a new tab.
+        // The link opens the participant's page in a new tab.
         el("a")
             .class("button")
             .attr("href", href)

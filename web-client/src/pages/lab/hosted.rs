@@ -1,5 +1,5 @@
-//! A page of the laboratory with its message type erased, so that the route table can list all
-//! pages. Messages are typed on both sides of this file.
+//! Type erasure for the messages of a page, so that the route table can list all pages. Messages
+//! are typed on both sides of this file.
 
 use crate::runtime::{Commands, Event, Page, Solid};
 use crate::view::Node;
@@ -7,13 +7,13 @@ use sidestep::picture::Picture;
 use std::any::Any;
 use std::rc::Rc;
 
-/// A message of some page.
+/// A message of any page.
 pub(super) type AnyMsg = Rc<dyn Any>;
 
-/// A page with its message type erased. A message of another page is ignored.
+/// A page whose message type is erased. It ignores messages of other pages.
 pub(super) type AnyPage = Box<dyn Page<Msg = AnyMsg>>;
 
-/// Opens a page for the route table. Returns it with its first commands.
+/// Erases the message type of a page and of its first commands, for the route table.
 pub(super) fn host<P: Page + 'static>(
     (page, commands): (P, Commands<P::Msg>),
 ) -> (AnyPage, Commands<AnyMsg>) {

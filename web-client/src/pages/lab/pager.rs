@@ -1,10 +1,11 @@
-//! Navigation in a long list: the current range, and links to the previous and next pages.
+//! Navigation in a long list: the current range, and buttons for the previous and the next page.
 
 use crate::pages::parts::button;
 use crate::view::{Node, el};
 
-/// A pager for `shown` entries after `offset` of `total`, in pages of `length`. `go` goes to the
-/// page that starts after a number of entries. `None` for an empty list.
+/// A pager for a list of `total` entries, of which `shown` after the first `offset` are visible, in
+/// pages of `length`. `go` returns the message for the page that starts after a number of entries.
+/// `None` for an empty list.
 pub(super) fn pager<M>(
     (offset, shown, total): (u64, usize, u64),
     length: u64,

@@ -1,5 +1,5 @@
-//! The participants of a running study: their progress and quality flags. The server filters, sorts
-//! and pages; the address holds the selection.
+//! The participants of a running study, with their progress and quality flags. The server filters,
+//! sorts and paginates; the address contains the selection.
 
 mod selection;
 pub(super) mod table;
@@ -32,28 +32,29 @@ pub(super) struct Participants {
 /// Messages to the page.
 #[derive(Clone)]
 pub(super) enum Msg {
-    /// Something has changed.
+    /// Something on the server has changed.
     Changed,
     /// The server described the study.
     Study(Answer),
     /// The server listed participants.
     Listed(Answer),
-    /// Show those at this stage; all if `None`.
+    /// Show only participants at this stage, or all if `None`.
     Stage(Option<Stage>),
-    /// Show those with this flag, by its word; all if empty.
+    /// Show only participants with this flag, or all if the word is empty.
     Having(FieldValue),
-    /// Sort by this column, in descending order; if that is already so, ascending.
+    /// Sort by this column: in descending order, or in ascending order if the list is already
+    /// sorted so.
     Sort(&'static str),
-    /// Search.
+    /// Search for the entered text.
     Search(Form),
-    /// Show test runs, or participants.
+    /// Show test runs instead of participants, or participants again.
     Pilots(FieldValue),
-    /// Show the page that starts after this number of participants.
+    /// Show the page that begins after this number of participants.
     Page(u64),
 }
 
 impl Participants {
-    /// The page as it opens at `/lab/studies/SLUG?…`.
+    /// Creates the page for `/lab/studies/SLUG?…` and its first commands.
     pub(super) fn open(visit: &Visit<'_>) -> (Self, Commands<Msg>) {
         let page = Self {
             slug: visit.id.to_owned(),
@@ -74,7 +75,7 @@ impl Participants {
         vec![study::ask(&self.slug, Msg::Study), people]
     }
 
-    /// Shows another selection, and puts it into the address.
+    /// Changes the selection, puts it into the address and requests the list.
     fn select(&mut self, change: impl FnOnce(&mut Selection)) -> Commands<Msg> {
         self.selection.offset = 0;
         change(&mut self.selection);
@@ -150,7 +151,7 @@ impl Page for Participants {
     }
 }
 
-/// Links to try a study on its participant's page, in a new tab.
+/// Links that try a study on the participant's page, in a new tab.
 pub(super) fn trials<M: Clone>(slug: &str) -> [view::Node<M>; 2] {
     let link = |query: &str, name: &str, words: &str| {
         let link = el("a").class("button").attr("href", format!("/s/{slug}?{query}"));
@@ -174,7 +175,7 @@ impl Participants {
         actions
     }
 
-    /// The filters by stage and flag, and a search.
+    /// The filters by stage and by flag, and the search.
     fn filters(&self, page: &ParticipantPage) -> Node {
         let all: u64 = page.stages.iter().map(|count| count.participants).sum();
         let stage = |stage: Option<Stage>, words: &str, participants: u64| {

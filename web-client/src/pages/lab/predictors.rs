@@ -1,5 +1,5 @@
-//! The models of an analysis: filtered and paged by the server, to be downloaded or used in a
-//! replay. The address of the page holds the selection.
+//! The models of an analysis, to download or to use in a replay. The server filters and paginates
+//! them; the page's address contains the selection.
 
 use super::pager::pager;
 use crate::form::FieldValue;
@@ -21,7 +21,7 @@ pub(super) struct Predictors {
     trouble: Option<String>,
 }
 
-/// Selection of models, each filter as the text of its parameter; empty for all.
+/// The selection of models. Each filter is the text of its URL parameter; empty for all.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Chosen {
     participant: String,
@@ -36,7 +36,7 @@ struct Chosen {
 pub(super) enum Msg {
     /// The server listed models.
     Listed(Answer),
-    /// Show only those of this participant.
+    /// Show only models of this participant.
     Participant(FieldValue),
     /// Show only this kind of model.
     Model(FieldValue),
@@ -44,7 +44,7 @@ pub(super) enum Msg {
     Experiment(FieldValue),
     /// Show only this feature set.
     Features(FieldValue),
-    /// Show the page that starts after this number of models.
+    /// Show the page that begins after this number of models.
     Page(u64),
 }
 
@@ -60,7 +60,8 @@ impl Chosen {
         }
     }
 
-    /// The query of the server's list without the page length, and of the page's own address.
+    /// The query for the server's list without the page length, which is also the query of the
+    /// page's own address.
     fn query(&self) -> String {
         let offset = if self.offset > 0 { self.offset.to_string() } else { String::new() };
         let pairs = [
@@ -78,13 +79,13 @@ impl Chosen {
 }
 
 impl Predictors {
-    /// The models of an analysis, with the selection in the page's address.
+    /// Creates the list for an analysis, with the selection in the page's address.
     pub(super) fn new(analysis: &str, address: &Address) -> Self {
         let (analysis, chosen) = (analysis.to_owned(), Chosen::of(address));
         Self { analysis, chosen, page: None, trouble: None }
     }
 
-    /// Requests the models to show.
+    /// Requests the selected models.
     pub(super) fn ask(&self) -> Command<Msg> {
         let (route, query) = (routes::analysis_predictors(&self.analysis), self.chosen.query());
         let url = format!("{route}?limit={PAGE_LENGTH}&{query}");
@@ -234,7 +235,7 @@ fn experiment(number: u8) -> String {
     words.to_owned()
 }
 
-/// A selection among `options`, which are values with labels; the first entry selects all.
+/// A selection list. `options` has values with labels; the first entry of the list selects all.
 fn select(name: &str, all: &str, chosen: &str, options: Vec<(String, String)>) -> Node {
     let option = |(value, words): (String, String)| {
         el("option").attr_if(value == chosen, "selected", "").attr("value", value).text(words)

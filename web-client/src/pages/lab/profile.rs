@@ -1,4 +1,4 @@
-//! One participant: a timeline of their trials as small pictures, quality flags, answers, notes of
+//! One participant: a timeline of the trials as small pictures, quality flags, answers, notes by
 //! experimenters, exclusion with a reason, and deletion on request.
 
 mod pictures;
@@ -21,9 +21,9 @@ pub(super) struct Profile {
     id: String,
     access: Access,
     found: Option<ParticipantDetail>,
-    /// Number of changes sent: the forms are reset after each.
+    /// Number of changes sent. The forms are reset after each.
     writings: u32,
-    /// Whether deletion waits for confirmation.
+    /// Whether the user must confirm to delete the data.
     deleting: bool,
     trouble: Option<String>,
 }
@@ -31,7 +31,7 @@ pub(super) struct Profile {
 /// Messages to the page.
 #[derive(Clone)]
 pub(super) enum Msg {
-    /// Something has changed.
+    /// Something on the server has changed.
     Changed,
     /// The server described the participant.
     Found(Answer),
@@ -43,16 +43,16 @@ pub(super) enum Msg {
     Exclude(Form),
     /// Include the participant in analyses again.
     Include,
-    /// Ask for confirmation to delete the participant's data, or cancel that.
+    /// Ask for confirmation before the participant's data are deleted, or stop asking.
     AskToDelete(bool),
-    /// The user has confirmed.
+    /// The user has confirmed the deletion.
     Delete,
     /// The server has made the change, or refused.
     Done(Answer),
 }
 
 impl Profile {
-    /// The page as it opens at `/lab/participants/ID`.
+    /// Creates the page for `/lab/participants/ID` and its first commands.
     pub(super) fn open(visit: &Visit<'_>) -> (Self, Commands<Msg>) {
         let page = Self {
             id: visit.id.to_owned(),
@@ -146,7 +146,7 @@ impl Page for Profile {
     }
 }
 
-/// The participant's name in the laboratory.
+/// The name of the participant in the laboratory.
 fn name(found: &ParticipantDetail) -> String {
     let kind = if found.summary.pilot { "Test run" } else { "Participant" };
     format!("{kind} {}", found.summary.number)
@@ -172,7 +172,7 @@ fn head(found: &ParticipantDetail) -> Node {
         .child(el("p").children(looks(&found.summary.quality)))
 }
 
-/// The version of the study at enrolment, as named in the table of versions.
+/// The version of the study with which the participant enrolled, named as in the table of versions.
 fn configuration(found: &ParticipantDetail) -> Node {
     let short = &found.configuration[..found.configuration.len().min(8)];
     let words = match found.configuration_number {
@@ -185,7 +185,7 @@ fn configuration(found: &ParticipantDetail) -> Node {
     el("div").child(el("dt").text("Configuration")).child(el("dd").child(link))
 }
 
-/// The trials in the order of the plan, each with a link to its replay.
+/// The trials in the order of the plan, with links to their replays.
 fn timeline(found: &ParticipantDetail) -> Node {
     let section = el("section").child(el("h2").text("Trials"));
     if found.trials.is_empty() {
@@ -251,7 +251,7 @@ impl Profile {
             .children(answers)
     }
 
-    /// Why analyses exclude the participant, or the form to exclude them.
+    /// Why analyses leave the participant out, or the form to exclude them.
     fn exclusion(&self, found: &ParticipantDetail) -> Option<Node> {
         if let Some(exclusion) = &found.exclusion {
             let by = el("p")
@@ -337,7 +337,7 @@ impl Profile {
             .children(form)
     }
 
-    /// Deletion, for participants who ask the researchers for it.
+    /// Deletion of the data, for participants who ask the researchers for it.
     fn deletion(&self, found: &ParticipantDetail) -> Option<Node> {
         if !self.may_manage() || found.data_deleted {
             return None;

@@ -1,4 +1,4 @@
-//! The routes of the laboratory, one line per page, and the program that contains each.
+//! The routes of the laboratory, with one line per page, and the programs that contain the pages.
 
 use super::access::AccessPage;
 use super::analyses::Analyses;
@@ -20,7 +20,7 @@ use crate::runtime::Commands;
 
 /// An address of the laboratory and its page.
 pub struct Route {
-    /// Its path. A part `{id}` stands for any id.
+    /// The path of the address. A part `{id}` matches any id.
     pub(super) path: &'static str,
     /// Opens the page.
     pub(super) open: Open,
@@ -28,19 +28,19 @@ pub struct Route {
 
 type Open = fn(&Visit<'_>) -> (AnyPage, Commands<AnyMsg>);
 
-/// A part of the laboratory that is a separate program, so that users load only what they look at.
+/// A part of the laboratory that is a separate program, so that users download only what they need.
 pub trait Program: 'static {
-    /// Its pages.
+    /// The pages of the program.
     const PAGES: &'static [&'static [Route]];
-    /// Whether they solve games.
+    /// Whether the pages solve games.
     const SOLVES: bool;
-    /// Whether they show solids.
+    /// Whether the pages show solids.
     const SHOWS_SOLIDS: bool;
-    /// Whether they use pointer events.
+    /// Whether the pages use pointer events.
     const POINTS: bool;
-    /// Whether they offer or open files.
+    /// Whether the pages offer or open files.
     const OFFERS_FILES: bool;
-    /// Whether they show two pictures side by side.
+    /// Whether the pages show two pictures side by side.
     const HAS_PANES: bool;
 }
 
@@ -56,7 +56,7 @@ impl Program for Laboratory {
     const HAS_PANES: bool = false;
 }
 
-/// Pages that draw scenes and sets.
+/// Pages that draw scenes and predicted sets.
 pub struct Viewer;
 
 impl Program for Viewer {
@@ -68,7 +68,7 @@ impl Program for Viewer {
     const HAS_PANES: bool = true;
 }
 
-/// Pages on value functions.
+/// The page about value functions.
 pub struct Inspector;
 
 impl Program for Inspector {
@@ -80,7 +80,7 @@ impl Program for Inspector {
     const HAS_PANES: bool = false;
 }
 
-/// The demonstration, open to all.
+/// The demonstration, which can be open to all.
 pub struct Demonstration;
 
 impl Program for Demonstration {
@@ -101,10 +101,11 @@ pub(super) const NAVIGATION: [(&str, &str); 5] = [
     ("/lab/self-check", "Self-check"),
 ];
 
-/// The address of the demonstration that needs no sign-in, where the operator allows it.
+/// The address of the demonstration that needs no sign-in. The operator must enable it.
 pub(super) const OPEN_TO_ALL: &str = "/demo";
 
-/// The addresses of other programs; all others below `/lab` are of [`Laboratory`].
+/// The addresses that belong to other programs. All other addresses below `/lab` belong to
+/// [`Laboratory`].
 const APART: [&str; 4] =
     ["/lab/replay/{id}", "/lab/explorer/{id}", "/lab/reachability", "/lab/demo"];
 
@@ -141,13 +142,13 @@ pub(super) static DEMONSTRATION: &[Route] = &[
 ];
 
 impl Route {
-    /// The text for `{id}` if `path` matches this route; empty if the route has no `{id}`.
+    /// If `path` matches this route, the id in the path. Empty if the route has no `{id}`.
     pub(super) fn matches<'a>(&self, path: &'a str) -> Option<&'a str> {
         named(self.path, path)
     }
 }
 
-/// The text for `{id}` of a pattern in a path; empty if the pattern has none.
+/// If `path` matches the pattern, the text for `{id}`. Empty if the pattern has no `{id}`.
 fn named<'a>(pattern: &str, path: &'a str) -> Option<&'a str> {
     let path = path.trim_end_matches('/');
     let Some((before, after)) = pattern.split_once("{id}") else {
@@ -157,7 +158,7 @@ fn named<'a>(pattern: &str, path: &'a str) -> Option<&'a str> {
     (!id.is_empty() && !id.contains('/')).then_some(id)
 }
 
-/// Whether this address is of another program than [`Laboratory`].
+/// Whether this address belongs to another program than [`Laboratory`].
 pub(super) fn is_apart(path: &str) -> bool {
     APART.iter().any(|pattern| named(pattern, path).is_some())
 }

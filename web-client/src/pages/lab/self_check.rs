@@ -1,4 +1,5 @@
-//! Whether this browser and the server compute the same trials, and the server's check of its data.
+//! Checks whether this browser and the server compute the same trials, and shows the server's check
+//! of its data.
 
 use super::data_check;
 use crate::pages::parts::{self, alert};
@@ -7,26 +8,26 @@ use crate::view::{Node, el};
 use sidestep::api::{DataCheck, SelfCheck, routes};
 use sidestep::trial::simulation_fingerprint;
 
-/// The page that compares the fingerprints of both.
+/// The page that compares the browser's fingerprint with the server's.
 #[derive(Default)]
 pub(super) struct SelfCheckPage {
     /// This browser's fingerprint and the server's, or an error.
     compared: Option<Result<(String, SelfCheck), String>>,
-    /// The server's check of its data.
+    /// The result of the server's check of its data.
     data: Option<DataCheck>,
 }
 
 /// Messages to the page.
 #[derive(Clone)]
 pub(super) enum Msg {
-    /// The server's fingerprint.
+    /// The server sent its fingerprint.
     Fingerprint(Answer),
-    /// The server's check of its data.
+    /// The server sent the result of its data check.
     Data(Answer),
 }
 
 impl SelfCheckPage {
-    /// The page as it opens.
+    /// Creates the page and its first commands.
     pub(super) fn open() -> (Self, Commands<Msg>) {
         let ask = Request::get("self-check", routes::SELF_CHECK, Msg::Fingerprint);
         (Self::default(), vec![Command::Send(ask), data_check::ask(Msg::Data)])
@@ -43,7 +44,7 @@ impl Page for SelfCheckPage {
                 let compared = |it: SelfCheck| (simulation_fingerprint(it.seed, it.trials), it);
                 self.compared = Some(server.map(compared));
             }
-            // Without it, the rest is still shown.
+            // Without the result, the rest of the page is still shown.
             Msg::Data(answer) => self.data = read(answer).ok(),
         }
         Vec::new()

@@ -1,4 +1,5 @@
-//! Common parts of a study's pages: its name, its state, and the navigation between them.
+//! Parts that all pages of a study share: its name, its state, and the navigation between the
+//! pages.
 
 use crate::pages::parts::{self, count};
 use crate::runtime::{Command, Request};
@@ -7,7 +8,7 @@ use sidestep::api::{StudySummary, routes};
 use sidestep::study::Status;
 use std::rc::Rc;
 
-/// Query of the link to a rehearsal: a synthetic participant, and the speed.
+/// The query of the link to a rehearsal: the seed of the synthetic participant, and the speed.
 pub(super) const REHEARSAL: &str = "simulate=1&speed=10";
 
 /// A page of a study.
@@ -34,7 +35,7 @@ impl Tab {
         }
     }
 
-    /// The address of this page of a study.
+    /// The address of this page for a study.
     pub(super) fn address(self, slug: &str) -> String {
         match self {
             Self::Participants => format!("/lab/studies/{slug}"),
@@ -59,7 +60,7 @@ pub(super) fn ask<M>(
     Command::Send(Request::get("study", routes::admin_study(slug), then))
 }
 
-/// Whether people can take part, as a badge.
+/// A badge with the status of the study.
 pub(super) fn status<M>(status: Status) -> Node<M> {
     let class = match status {
         Status::Open => "chip open",
@@ -68,7 +69,7 @@ pub(super) fn status<M>(status: Status) -> Node<M> {
     el("span").class(class).test_id("status").text(status.word())
 }
 
-/// The top of a study's page: its title and counts, actions, and its other pages.
+/// The top of a study's page: the study's title and counts, actions, and links to its pages.
 pub(super) fn head<M>(
     study: &StudySummary,
     current: Tab,

@@ -1,4 +1,4 @@
-//! The laboratory without a browser.
+//! Tests of the laboratory without a browser.
 
 mod access;
 mod analyses;
@@ -32,7 +32,7 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::sync::LazyLock;
 
-/// All programs in one.
+/// All programs of the laboratory in one.
 struct Whole;
 
 impl Program for Whole {
@@ -46,14 +46,14 @@ impl Program for Whole {
 
 type Session = testing::Session<Lab<Whole>>;
 
-/// The paper's vehicles, except that the robot turns more slowly.
+/// The paper's vehicles, but the robot turns more slowly.
 fn unequal() -> SceneParameters {
     let mut parameters = SceneParameters::default();
     parameters.robot.turn_rate_radps = 0.35;
     parameters
 }
 
-/// Their functions, solved once for all tests.
+/// The value functions for these vehicles, solved once for all tests.
 static SOLVED: LazyLock<SafetyLevels> =
     LazyLock::new(|| SafetyLevels::solve(&unequal(), &mut |_| ControlFlow::Continue(())).unwrap());
 
@@ -101,18 +101,18 @@ fn address(path: &str) -> Address {
     }
 }
 
-/// The laboratory at this address, before any answer of the server.
+/// The laboratory at this address, before the server has answered.
 fn start(path: &str) -> Session {
     let context = PageContext { address: address(path), ..PageContext::default() };
     Session::new(Lab::open(context), BTreeMap::new())
 }
 
-/// The same, signed in.
+/// The laboratory at this address, signed in.
 fn signed_in(path: &str) -> Session {
     signed_in_to(path, Access::Manage)
 }
 
-/// The same with a key of this access.
+/// The laboratory at this address, signed in with a key of this access.
 fn signed_in_to(path: &str, access: Access) -> Session {
     let mut session = start(path);
     session.send("session", 200, &SignedIn { signed_in: true, name: "Ada".into(), access });
@@ -126,7 +126,7 @@ fn replay(trial: &TrialDetail) -> Session {
     session
 }
 
-/// A replay of a trial with equal vehicles, whose value function is loaded.
+/// A replay of a trial with identical vehicles, whose value function is loaded.
 fn replay_of_equals() -> Session {
     let parameters = SceneParameters::default();
     let function = ValueFunction::Exact(parameters.game(Evader::Human).exact().unwrap());
@@ -138,7 +138,7 @@ fn replay_of_equals() -> Session {
     session
 }
 
-/// A replay with unequal vehicles, whose functions the browser must solve.
+/// A replay of a trial with different vehicles, whose value functions the browser must solve.
 fn replay_unsolved() -> Session {
     replay(&trial(unequal(), [None, None]))
 }
@@ -155,7 +155,7 @@ impl Session {
         self.hear(&Event::Address(address(path)));
     }
 
-    /// The solver returns the function of this vehicle.
+    /// Lets the solver return the value function for this vehicle.
     fn solved(&mut self, evader: Evader) {
         self.solver(of(evader), Solving::Solved(SOLVED.of(evader).encode()));
     }
@@ -170,7 +170,7 @@ impl Session {
         self.solving.iter().map(|(name, task, _)| (*name, task.game)).collect()
     }
 
-    /// Outlines of level sets, of V_HR and of V_RH.
+    /// The numbers of outlines of level sets of V_HR and of V_RH.
     fn outlines(&self) -> [usize; 2] {
         let picture = self.picture().unwrap();
         [colours::HUMAN, colours::ROBOT].map(|colour| {
@@ -199,7 +199,7 @@ fn of(evader: Evader) -> &'static str {
 
 /// Requests of the first page.
 const HOME: [&str; 2] = [routes::ADMIN_STUDIES, routes::DATA_CHECK];
-/// Requests of the page of checks.
+/// The requests of the self-check page.
 const CHECKS: [&str; 2] = [routes::SELF_CHECK, routes::DATA_CHECK];
 
 /// An empty list of studies.
@@ -461,7 +461,7 @@ fn a_page_begins_while_the_server_says_who_is_there() {
         assert_eq!(session.urls(), urls);
         session
     };
-    // Nothing of it is shown before.
+    // Nothing of the trial is shown before the session is confirmed.
     let mut session = begun();
     session.send("trial", 200, &trial(parameters, [None, None]));
     assert!(session.text().contains("Loading") && session.words("sign-out").is_none());
@@ -469,15 +469,15 @@ fn a_page_begins_while_the_server_says_who_is_there() {
     let ada = SignedIn { signed_in: true, name: "Ada".into(), access: Access::Read };
     session.send("session", 200, &ada);
     assert!(session.words("sign-out").is_some() && session.picture().is_some());
-    // A user who is not signed in is asked for the key, whichever answer comes first, without an
-    // error message.
+    // A user who is not signed in is asked for the key without an error message, no matter which
+    // answer comes first.
     for first in ["session", "trial"] {
         let mut session = begun();
         session.answer(first, 401, b"{}");
         assert!(session.words("key").is_some() && session.words("trouble").is_none(), "{first}");
         assert_eq!(session.urls(), Vec::<&str>::new(), "{first}");
     }
-    // Going to another address does not lose the question.
+    // Going to another address does not lose the question about the session.
     let mut session = begun();
     session.go("/lab/self-check");
     assert_eq!(session.urls(), [routes::SESSION, CHECKS[0], CHECKS[1]]);
@@ -505,7 +505,7 @@ fn levels_that_did_not_converge_are_marked() {
     settled.solved(Evader::Robot);
     assert!(settled.words("not-converged").is_none());
     assert!(settled.outlines()[0] > 0);
-    // A solve that fails after its first sweeps.
+    // A solve that fails to converge, because its number of sweeps is limited.
     let parameters = unequal();
     let game = parameters.game(Evader::Human);
     let settings = polar::Settings::default()
@@ -528,7 +528,7 @@ fn levels_that_did_not_converge_are_marked() {
 
 #[test]
 fn the_solver_comes_to_what_the_server_has() {
-    // The page's task, solved as the worker does.
+    // Solve the page's task as the worker does.
     let session = replay_unsolved();
     for (evader, (_, game)) in Evader::ALL.into_iter().zip(session.games()) {
         let function = value_function(game, &mut |_| ControlFlow::Continue(())).unwrap();

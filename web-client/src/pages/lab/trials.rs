@@ -1,4 +1,4 @@
-//! The stored trials of a study, newest first, as they come.
+//! The stored trials of a study, newest first. New trials appear as they are stored.
 
 use super::study::{self, Tab};
 use super::visit::Visit;
@@ -23,20 +23,20 @@ pub(super) struct Trials {
 }
 
 enum State {
-    /// Nothing can be shown yet.
+    /// The list is not loaded yet.
     Loading,
     /// The list is shown as far as it is loaded.
     Listed,
-    /// The list is shown, and more of it has been requested.
+    /// The list is shown, and older trials have been requested.
     LoadingMore,
-    /// There is no list, for this reason.
+    /// The list could not be loaded, for this reason.
     Failed(String),
 }
 
 /// Messages to the page.
 #[derive(Clone, Debug)]
 pub(super) enum Msg {
-    /// Something has changed.
+    /// Something on the server has changed.
     Changed,
     /// The server described the study.
     Study(Answer),
@@ -52,7 +52,7 @@ pub(super) enum Msg {
 const PAGE_LENGTH: usize = 100;
 
 impl Trials {
-    /// The page as it opens at `/lab/studies/SLUG/trials`.
+    /// Creates the page for `/lab/studies/SLUG/trials` and its first commands.
     pub(super) fn open(visit: &Visit<'_>) -> (Self, Commands<Msg>) {
         let page = Self {
             slug: visit.id.to_owned(),
@@ -68,25 +68,25 @@ impl Trials {
         (page, commands)
     }
 
-    /// Requests the first part of the list.
+    /// Requests the study and the newest trials.
     fn ask(&self) -> Commands<Msg> {
         let url = format!("{}?limit={PAGE_LENGTH}", routes::admin_trials(&self.slug));
         let newest = Command::Send(Request::get("newest", url, Msg::Newest));
         vec![study::ask(&self.slug, Msg::Study), newest]
     }
 
-    /// Inserts new trials before the others.
+    /// Inserts new trials at the beginning of the list.
     fn newest_arrived(&mut self, page: TrialPage) {
         let newest_shown = self.trials.first().map(|trial| trial.trial_id.clone());
         let known = |trial: &TrialSummary| Some(&trial.trial_id) == newest_shown.as_ref();
         match page.trials.iter().position(known) {
             Some(new) => drop(self.trials.splice(..0, page.trials.into_iter().take(new))),
-            // All of them are new, or those shown no longer exist.
+            // All trials are new, or the newest trial in the list no longer exists.
             None => (self.trials, self.next_before) = (page.trials, page.next_before),
         }
     }
 
-    /// The list stays if the server does not answer.
+    /// Reports a failure. A list that is already shown stays.
     fn failed(&mut self, failure: Failure) {
         match self.state {
             State::Loading | State::Failed(_) => self.state = State::Failed(failure.sentence),
@@ -126,7 +126,7 @@ impl Page for Trials {
                 }
                 Err(failure) => self.failed(failure),
             },
-            // A second press is ignored: the same rows would be loaded twice.
+            // Ignore a second press, because the same rows would be loaded twice.
             Msg::More if matches!(self.state, State::Listed) => {
                 let Some(before) = self.next_before else { return Vec::new() };
                 self.state = State::LoadingMore;

@@ -1,16 +1,16 @@
-//! Context in which a page of the laboratory is opened.
+//! The context in which a page of the laboratory opens.
 
 use crate::runtime::Address;
 use sidestep::api::Session;
 
-/// The context of a page when it opens.
+/// What a page gets when it opens.
 pub(super) struct Visit<'a> {
-    /// Its address.
+    /// The page's address.
     pub(super) address: &'a Address,
-    /// The text for `{id}` in the path of its route; empty if there is none.
+    /// The id in the path. Empty if the route has no `{id}`.
     pub(super) id: &'a str,
-    /// The session.
+    /// The user's session.
     pub(super) session: &'a Session,
-    /// Width of the window when the laboratory was opened, px.
+    /// Width of the window when the laboratory was opened (px).
     pub(super) window_px: f64,
 }

@@ -22,7 +22,7 @@ enum Given {
 impl Participant {
     pub(super) fn checked(&mut self, form: &Form) -> Commands<Msg> {
         let Stage::Comprehension(quiz) = &mut self.stage else { return Vec::new() };
-        // New questions are being loaded.
+        // While new questions are being loaded, answers are ignored.
         if self.renews.is_some() {
             return Vec::new();
         }
@@ -69,12 +69,12 @@ impl Participant {
         if stored.after_wrong == AfterWrong::Mark {
             return Vec::new();
         }
-        // Applies also to a participant who is looking at the instructions meanwhile.
+        // This also applies to a participant who is reading the instructions again meanwhile.
         self.renews = Some(stored.after_wrong);
         vec![self.ask_texts()]
     }
 
-    /// New questions have arrived after a wrong answer.
+    /// Continues with the new questions that have arrived after a wrong answer.
     pub(super) fn renewed(&mut self, after_wrong: AfterWrong) {
         let Stage::Comprehension(quiz) = &self.stage else { return };
         let attempts = quiz.attempts;
@@ -138,8 +138,8 @@ impl Participant {
     }
 
     pub(super) fn ask_withdrawal(&self) -> Command<Msg> {
-        // A participant who has gone back to the study meanwhile may have been withdrawn
-        // nevertheless.
+        // If the participant has gone back to the study meanwhile, an earlier request may still
+        // have withdrawn them.
         if !self.is_withdrawing {
             return self.ask_progress();
         }

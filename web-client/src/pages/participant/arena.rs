@@ -1,5 +1,5 @@
-//! The live picture in the instructions: an arrow to steer, and a robot with its danger zone that
-//! drives to and fro.
+//! The live picture in the instructions: a vehicle to steer, and a robot with its danger zone. A
+//! vehicle that leaves the picture reappears on the other side.
 
 use crate::input::{HeldKeys, KeyMap};
 use sidestep::math::PI;
@@ -8,16 +8,16 @@ use sidestep::picture::{Picture, Window};
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::vehicle::{Pose, TurnInput};
 
-/// Half the width and half the height of the picture, m.
+/// Half the width and half the height of the picture (m).
 const HALF_M: [f64; 2] = [14.0, 5.5];
 
-/// Distance beyond the edge at which a vehicle reappears on the other side, m.
+/// How far beyond the edge a vehicle must be before it reappears on the other side (m).
 const OUTSIDE_M: f64 = 1.5;
 
-/// Longest time step of the motion, s.
+/// Maximum time step of the motion (s).
 const LONGEST_S: f64 = 0.1;
 
-/// Two vehicles that drive forever and cannot collide.
+/// Two vehicles that drive on endlessly. Collisions have no effect.
 #[derive(Clone, Debug)]
 pub(super) struct Arena {
     parameters: SceneParameters,
@@ -33,8 +33,8 @@ impl Arena {
         Self { parameters, human, robot, last_ms: None }
     }
 
-    /// Moves both vehicles to `now_ms`. If `calm` (reduced motion), they move only while a key is
-    /// held.
+    /// Moves both vehicles to their positions at `now_ms`. If `calm` (reduced motion), they move
+    /// only while a key is down.
     pub(super) fn tick(&mut self, now_ms: f64, keys: &KeyMap, held: &HeldKeys, calm: bool) {
         let last_ms = self.last_ms.replace(now_ms).unwrap_or(now_ms);
         // The displayed time never goes back, so the difference is not negative.

@@ -10,11 +10,12 @@ use crate::json;
 use crate::runtime::{Command, Commands, Event};
 use sidestep::trial::{Flag, Phase, outcome, page_flags};
 
-/// Extra time that the page waits for the browser to draw the last picture of a scene, ms. A
-/// browser that was frozen may never draw it.
+/// How much longer the page waits for the browser to draw the last picture of a scene (ms). A
+/// frozen browser may never draw it.
 const UNDRAWN_MS: f64 = 3000.0;
 
-/// If the end of a countdown is noticed this late, ms, the participant must start it again.
+/// If the page notices the end of a countdown this late (ms), the participant must start the
+/// countdown again.
 const ASLEEP_MS: f64 = 1000.0;
 
 impl Participant {
@@ -28,7 +29,7 @@ impl Participant {
         self.stage = Stage::Instructions(Box::new(Arena::new(parameters)));
     }
 
-    /// The next trial to drive: the first that is neither stored nor in the outbox.
+    /// The next trial to drive, which is the first one that is neither stored nor in the outbox.
     pub(super) fn next(&self) -> Option<&PlannedTrial> {
         self.plan.iter().find(|trial| !self.is_driven(trial))
     }
@@ -46,13 +47,13 @@ impl Participant {
         self.stored.iter().any(|id| id == trial.id())
     }
 
-    /// Uploads the queue. Once all scenes are driven, asks the questions; once all is stored,
-    /// requests the code.
+    /// Uploads the queue. When all scenes are driven, asks the questions. When everything is
+    /// stored, requests the completion code.
     pub(super) fn go_on(&mut self) -> Commands<Msg> {
         let awaited = self.plan.iter().find(|trial| !self.is_stored(trial)).map(PlannedTrial::id);
         let mut commands: Vec<_> = lifted(self.outbox.send(awaited)).collect();
         if self.next().is_some() && matches!(self.stage, Stage::Finishing) {
-            // The server has planned a further attempt, or lacks a trial.
+            // The server has planned another attempt, or lacks a trial.
             self.stage = Stage::Ready;
         }
         let between = matches!(self.stage, Stage::Ready | Stage::Rest | Stage::Finishing);
@@ -69,7 +70,7 @@ impl Participant {
         };
         if self.outbox.is_empty() {
             if waits {
-                // The server may have planned further attempts.
+                // The server may have planned further attempts, so request the plan.
                 commands.push(self.ask_progress());
             } else if answered {
                 commands.push(self.ask_code());
@@ -90,14 +91,14 @@ impl Participant {
         let ends_ms = self.now_ms + f64::from(trials.countdown_s) * 1000.0;
         self.stage = Stage::Countdown(trial, ends_ms, trials.countdown_s);
         (self.trouble, self.hint) = (None, None);
-        // A participant who has left the full screen has declined it.
+        // Ask only once, because a participant who has left the full screen has declined it.
         if trials.fullscreen && !std::mem::replace(&mut self.was_fullscreen, true) {
             return vec![Command::Fullscreen(true)];
         }
         Vec::new()
     }
 
-    /// Handles what is due by the clock and changes more than the picture.
+    /// Handles what is due by the clock, except for changes of the picture alone.
     pub(super) fn clock(&mut self) -> Commands<Msg> {
         match std::mem::take(&mut self.stage) {
             Stage::Countdown(trial, ends_ms, _) if self.now_ms < ends_ms => {
@@ -105,7 +106,7 @@ impl Participant {
                 self.stage = Stage::Countdown(trial, ends_ms, left_s);
                 Vec::new()
             }
-            // The computer has slept, or the page was frozen: the participant has not seen the
+            // The computer has slept or the page was frozen, so the participant has not seen the
             // countdown.
             Stage::Countdown(_, start_ms, _) if self.now_ms > start_ms + ASLEEP_MS => {
                 self.not_begun();
@@ -121,7 +122,7 @@ impl Participant {
         }
     }
 
-    /// Stops the countdown: the scene waits for another start.
+    /// Stops the countdown. The scene waits for another start.
     fn not_begun(&mut self) {
         self.stage = Stage::Ready;
         self.hint = Some("ready.not_begun");
@@ -134,7 +135,7 @@ impl Participant {
         let (scene, keys) = (trial.scene.scene(), &self.steering.keys);
         let mut drive = Drive::new(parameters, &scene, start_ms, started_at_ms, keys, &self.held);
         drive.tick(self.now_ms);
-        // Count the exposure before anything can fail: a reload counts.
+        // Count the exposure first, so that it also counts if the page is reloaded.
         let count = match self.exposures.iter_mut().find(|(id, _)| id == trial.id()) {
             Some((_, count)) => {
                 *count += 1;
@@ -204,7 +205,7 @@ impl Participant {
         }
         match &mut self.stage {
             Stage::Driving(_, drive) => drive.key(t_ms, code, down),
-            // If the keys go up only in the last second, the countdown restarts.
+            // If the keys are released only during the last second, the countdown restarts.
             Stage::Countdown(_, ends_ms, left_s)
                 if !down && self.held.is_empty() && *ends_ms < t_ms + 1000.0 =>
             {
@@ -236,7 +237,7 @@ impl Participant {
     }
 
     pub(super) fn focus_lost(&mut self, t_ms: f64) -> Commands<Msg> {
-        // The scene has not moved, so it returns to its start.
+        // The scene has not moved yet, so it returns to its start.
         if let Stage::Countdown(..) = self.stage {
             self.not_begun();
         }

@@ -21,24 +21,26 @@ impl Default for Steering {
 /// Results of the check so far.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Equipment {
-    /// Whether the keys for left and right were pressed.
+    /// Whether the key for left and the key for right were pressed.
     pub(super) left: bool,
     pub(super) right: bool,
-    /// Key selection in progress: the key chosen for left, if any, as its code and label.
+    /// `Some` while the participant chooses keys, with the code and label of the key for left, once
+    /// chosen.
     pub(super) choosing: Option<Option<(String, String)>>,
     /// Whether the last key pressed cannot steer.
     pub(super) refused: bool,
-    /// Whether the request to enrol is in flight.
+    /// Whether the enrolment was requested.
     pub(super) is_enrolling: bool,
-    /// Times of frames on the page's clock, ms.
+    /// Times of frames on the page's clock (ms).
     frames_ms: Vec<f64>,
 }
 
-/// Number of frames to measure; the first ones are left out, since the page has just changed.
+/// Number of frames to record, and number of first frames to ignore because the page has just
+/// changed.
 const FRAMES: usize = 70;
 const LEFT_OUT: usize = 10;
 
-/// In a window smaller than this, in CSS pixels, vehicles look small.
+/// In a window smaller than this (CSS pixels), the vehicles look small.
 const SMALL_PX: [f64; 2] = [600.0, 480.0];
 
 impl Equipment {
@@ -52,7 +54,7 @@ impl Equipment {
         self.frames_ms.len() < FRAMES
     }
 
-    /// Frames per second; `None` while they are being measured.
+    /// The frame rate (Hz). `None` while it is being measured.
     pub(super) fn rate_hz(&self) -> Option<f64> {
         if self.is_measuring() {
             return None;
@@ -68,7 +70,7 @@ impl Equipment {
         names.iter().zip(SMALL_PX).any(|(name, least)| side(name).is_some_and(|px| px < least))
     }
 
-    /// Handles a key press. Returns the steering keys once both are chosen.
+    /// Handles a key press. When both keys are chosen, returns the new steering keys.
     pub(super) fn pressed(
         &mut self,
         steering: &Steering,
@@ -100,7 +102,7 @@ impl Equipment {
     }
 }
 
-/// The label of a key that types no character.
+/// The label of a key that produces no single character.
 fn short(code: &str, key: &str) -> String {
     let arrow = match code {
         "ArrowLeft" => "←",

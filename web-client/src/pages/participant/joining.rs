@@ -1,5 +1,5 @@
-//! From the link to the first page: the study, its texts, enrolment, and where a participant who
-//! returns continues.
+//! From the link to the first page: the study, its texts, the enrolment, and where a returning
+//! participant continues.
 
 use super::sending::ended;
 use super::state::{PlannedTrial, Quiz, Session, Stage};
@@ -25,7 +25,7 @@ impl Participant {
             external_id: self.link.external_id(study).map(str::to_owned),
             parameters: self.link.recorded(study),
             pilot: self.link.is_pilot(),
-            // An enrolment whose answer was lost is repeated with the same id.
+            // If the answer to an enrolment is lost, the enrolment is repeated with the same id.
             request_id: self.context.random_name.clone(),
             locale: Some(self.texts.language.clone()),
             screen: Some(facts(&screen)),
@@ -34,12 +34,12 @@ impl Participant {
         self.ask("enrol", "POST", url, Some(json::write(&body)), Msg::Enrolled)
     }
 
-    /// Continues once both the study and its texts have arrived.
+    /// Continues once the study and its texts have both arrived.
     pub(super) fn opened(&mut self) -> Commands<Msg> {
         if self.study.is_none() || !matches!(self.stage, Stage::Loading) {
             return Vec::new();
         }
-        // With a session, both have been requested again; its progress comes next.
+        // With a session, both have been requested again, and the progress arrives next.
         if !self.has_texts() || self.session.is_some() {
             return Vec::new();
         }
@@ -48,30 +48,31 @@ impl Participant {
             None => self.kept(&self.session_name()),
         };
         if self.session.is_some() {
-            // The study as the participant began it; it may have changed since.
+            // Request the study as it was when the participant began, because it may have changed
+            // since.
             self.language = Some(self.texts.language.clone());
             return vec![self.ask_study(), self.ask_texts(), self.ask_progress()];
         }
         self.admit()
     }
 
-    /// Shows the first page to a person without a session: the welcome, or why they cannot take
-    /// part.
+    /// Chooses the first page for a person without a session: the welcome, or the reason why they
+    /// cannot take part.
     fn admit(&mut self) -> Commands<Msg> {
         let Some(study) = &self.study else { return Vec::new() };
         if self.link.is_incomplete(study) {
             self.stage = self.stuck("no_id");
             return Vec::new();
         }
-        // A person with an external id may have begun or finished in another browser: only the
-        // server knows.
+        // A person with an external id may have begun or finished in another browser. Only the
+        // server knows, so ask it.
         let names = !self.link.is_pilot() && self.link.external_id(study).is_some();
         if names && !std::mem::replace(&mut self.is_named, true) {
             return vec![self.ask_study()];
         }
         let url = study.return_url.clone();
         self.stage = match study.admission {
-            // A pilot does not count against the number of participants.
+            // A pilot does not count towards the quota.
             Admission::Full | Admission::Closed if self.link.is_pilot() => Stage::Welcome,
             Admission::Open if self.context.touch_only => Stage::Touch,
             Admission::Open => Stage::Welcome,
@@ -114,8 +115,8 @@ impl Participant {
         vec![Command::Keep { name: self.session_name(), text, then }, take_over]
     }
 
-    /// Enrols, after the browser has stored the request id: after a reload, the same request is not
-    /// another enrolment.
+    /// Enrols, but only after the browser has stored the request id. A repeated request after a
+    /// reload then does not enrol the person twice.
     fn enrol(&mut self) -> Commands<Msg> {
         let name = self.enrolment_name();
         if let Some(known) = self.kept_text(&name) {
@@ -137,7 +138,7 @@ impl Participant {
         if self.study.as_ref().is_some_and(|study| study.draws_check) {
             commands.push(self.ask_texts());
         }
-        // A participant who returns by external id may have stored trials.
+        // A participant who has returned with an external id may already have stored trials.
         commands.push(self.ask_progress());
         commands
     }
@@ -163,7 +164,7 @@ impl Participant {
             of_phase: phase.scenes.iter().filter(|scene| scene.attempt == 1).count(),
             scene: scene.clone(),
         };
-        // Further attempts come after all other trials.
+        // Further attempts follow after all first attempts.
         let (first, further): (Vec<_>, Vec<_>) =
             progress.plan.scenes().map(planned).partition(|trial| trial.scene.attempt == 1);
         self.plan = first.into_iter().chain(further).collect();
@@ -180,7 +181,7 @@ impl Participant {
             };
             self.exposures = ids.iter().filter_map(count).collect();
         }
-        // The next scene has begun before: the page was reloaded during it.
+        // If the next scene has begun before, the page was reloaded during that scene.
         if is_first && self.next().is_some_and(|trial| self.has_begun(trial)) {
             self.hint = Some("ready.reloaded");
         }
@@ -213,7 +214,7 @@ impl Participant {
         failure: &Failure,
         ask: fn(&Self) -> Command<Msg>,
     ) -> Commands<Msg> {
-        // Without texts, English is used.
+        // Without texts, the error message is in English.
         if failure.status == 404 {
             self.stage = self.stuck("not_found");
             return Vec::new();
@@ -227,13 +228,14 @@ impl Participant {
             // An invalid personal link says nothing about the user of this browser.
             if self.link.token.take().is_some() {
                 self.stage = Stage::Loading;
-                // Answers to its requests would otherwise replace the error message.
+                // Cancel requests made with the link's token, because their answers would replace
+                // the error message.
                 let mut commands = vec![Command::Cancel("study"), Command::Cancel("texts")];
                 commands.extend(self.opened());
                 self.trouble = Some(self.say("trouble.link"));
                 return commands;
             }
-            // The server no longer knows this participant: start again, if possible.
+            // The server no longer knows this participant, so start again if possible.
             self.stage = Stage::Loading;
             let mut commands = self.admit();
             commands.push(Command::Forget(self.session_name()));
@@ -258,7 +260,8 @@ impl Participant {
                 self.hint = None;
                 let asked = self.progress.as_ref().filter(|progress| !progress.understood);
                 self.stage = match asked {
-                    // Attempts before a reload, or before another look at the instructions, count.
+                    // Attempts before a reload also count, as do attempts before the participant
+                    // read the instructions again.
                     Some(progress) if !self.texts.check.is_empty() => {
                         let attempts = progress.comprehension_attempts;
                         Stage::Comprehension(Quiz { attempts, ..Quiz::default() })

@@ -1,20 +1,21 @@
-//! The address of the page: which study, who referred the person, and whether this is a pilot.
+//! The page's address: which study it is, who referred the person, and whether this is a pilot.
 
 use crate::runtime::Address;
 use sidestep::api::{Object, StudyInfo};
 use sidestep::study::is_id;
 
-/// Information in the address of the page.
+/// The information in the page's address.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Link {
     address: Address,
     /// The study's slug.
     pub(super) slug: String,
-    /// The secret of a personal link, with which a participant continues on another computer.
+    /// The secret of a personal link. With such a link, a participant continues on another
+    /// computer.
     pub(super) token: Option<String>,
 }
 
-/// The part of a personal link before its secret.
+/// The part of a personal link's fragment before the secret.
 const CONTINUE: &str = "continue=";
 
 impl Link {
@@ -29,18 +30,18 @@ impl Link {
         }
     }
 
-    /// Whether a simulated participant operates the page; its scenes are then exposed to programs.
+    /// Whether the simulator operates the page. If so, the page exposes its scenes to programs.
     pub(super) fn simulates(&self) -> bool {
         self.address.parameter("simulate").is_some()
     }
 
-    /// Whether the data are stored apart from the study's.
+    /// Whether the data are stored separately from the study's data.
     pub(super) fn is_pilot(&self) -> bool {
         self.simulates() || self.address.parameter("pilot").is_some()
     }
 
-    /// The recruiting service's id of the person, if the address has one. In a pilot's link the
-    /// placeholder may be unfilled.
+    /// The person's id at the recruiting service, if the address has one. A pilot's link may
+    /// contain an unfilled placeholder, which is ignored.
     pub(super) fn external_id(&self, study: &StudyInfo) -> Option<&str> {
         let given = |name: &String| self.address.parameter(name).map(str::trim);
         study
@@ -50,8 +51,9 @@ impl Link {
             .find(|id| !id.is_empty() && (!self.is_pilot() || is_id(id)))
     }
 
-    /// Whether the external id that the study needs is missing or invalid, for example an unfilled
-    /// placeholder of the recruiting service. The server refuses the same ids.
+    /// Whether the external id is missing although the study requires one, or is invalid (for
+    /// example, an unfilled placeholder of the recruiting service). The server refuses the same
+    /// ids.
     pub(super) fn is_incomplete(&self, study: &StudyInfo) -> bool {
         let needs_one = study.requires_external_id && !self.is_pilot();
         self.external_id(study).map_or(needs_one, |id| !is_id(id))
@@ -69,23 +71,23 @@ impl Link {
         recorded
     }
 
-    /// The address of the page with its query, without its fragment.
+    /// The page's address with its query and without its fragment.
     pub(super) fn url(&self) -> String {
         self.address.path.clone() + &self.address.search
     }
 
-    /// The whole address of the page, for another computer.
+    /// The page's full address, to open it on another computer.
     pub(super) fn here(&self) -> String {
         self.address.origin.clone() + &self.url()
     }
 
-    /// A personal link: anyone who has it acts as this participant.
+    /// A personal link. Anyone who has it can act as this participant.
     pub(super) fn personal(&self, token: &str) -> String {
         format!("{}{}#{CONTINUE}{token}", self.address.origin, self.address.path)
     }
 
-    /// Storage name of the participant's session. Several people may use one browser; pilots and
-    /// simulated participants have sessions of their own.
+    /// The name in the storage for the participant's session. Several people may use the same
+    /// browser. Pilots and simulated participants have separate sessions.
     pub(super) fn session_name(&self, study: &StudyInfo) -> String {
         let mut name = format!("sidestep.session.{}", self.slug);
         if self.is_pilot() {

@@ -1,4 +1,4 @@
-//! Outcomes of uploads, and failed requests.
+//! Outcomes of uploads, and handling of failed requests.
 
 use super::state::Stage;
 use super::{Msg, Participant, RETRY_MS, lifted};
@@ -6,8 +6,8 @@ use crate::outbox::{self, UploadOutcome};
 use crate::runtime::{Command, Commands, Failure};
 use crate::texts::Sentences as _;
 
-/// The final page for people who cannot go on, for one of the server's reasons, with the address
-/// they go to.
+/// The final page for people who cannot continue, for one of the server's reasons. `url` is where
+/// they can go.
 pub(super) fn ended(reason: &str, url: Option<String>) -> Stage {
     let (heading, why) = match reason {
         "full" => ("stuck.full", "stuck.full_why"),
@@ -41,7 +41,8 @@ impl Participant {
                 commands.push(self.ask_progress());
                 return commands;
             }
-            // It is not stored, so the participant repeats it: without it there is no code.
+            // The trial is not stored, so the participant repeats it, because there is no
+            // completion code without it.
             Some(UploadOutcome::Refused(id, why)) => {
                 let is_second = self.refused.replace(id.clone()) == Some(id);
                 let why = [("why", why.as_str().into())];
@@ -64,7 +65,7 @@ impl Participant {
         commands
     }
 
-    /// The reason why a request failed, in the participant's language.
+    /// Why a request failed, in the participant's language.
     pub(super) fn words(&self, failure: &Failure) -> String {
         match failure.status {
             _ if !self.has_texts() => failure.sentence.clone() + " This page keeps trying.",
@@ -84,7 +85,7 @@ impl Participant {
         Stage::Stuck(heading, self.say(why))
     }
 
-    /// Ends the participation for a reason given by the server.
+    /// Ends the participation for the reason that the server gave.
     pub(super) fn end(&mut self, failure: &Failure, heading: &'static str) {
         let url = failure.return_url.clone();
         self.stage = match failure.code.as_str() {
@@ -96,13 +97,13 @@ impl Participant {
         };
     }
 
-    /// Whether the study may have refused a person because the link has no external id.
+    /// Whether the server may have refused the person because the link has no external id.
     pub(super) fn needs_id(&self) -> bool {
         self.session.is_none()
             && self.study.as_ref().is_some_and(|study| self.link.external_id(study).is_none())
     }
 
-    /// Retries after a pause if that may help; otherwise ends the participation.
+    /// If a retry may help, retries after a pause. Otherwise, ends the participation.
     pub(super) fn failed(
         &mut self,
         failure: &Failure,
@@ -119,8 +120,8 @@ impl Participant {
     }
 
     pub(super) fn completion_failed(&mut self, failure: &Failure) -> Commands<Msg> {
-        // The server lacks something that this page took for stored, and reports what. Or another
-        // tab has completed the participation and got the code.
+        // Either the server lacks something that this page believed to be stored; then its progress
+        // report says what. Or another tab has completed the participation and got the code.
         let code = failure.code.as_str();
         let is_missing = matches!(code, "incomplete" | "unanswered" | "not_yours");
         if is_missing && !std::mem::replace(&mut self.was_incomplete, true) {

@@ -1,4 +1,4 @@
-//! The participant's stage in the study, and the plan.
+//! The stage that a participant has reached, and the plan of trials.
 
 use super::arena::Arena;
 use super::equipment::Equipment;
@@ -21,7 +21,7 @@ pub(super) struct PlannedTrial {
     pub(super) phase: Phase,
     pub(super) show_danger_zone: bool,
     pub(super) feedback: bool,
-    /// Number of scenes in its phase.
+    /// Number of scenes in the phase, without repeated attempts.
     pub(super) of_phase: usize,
     pub(super) scene: PlannedScene,
 }
@@ -32,11 +32,11 @@ impl PlannedTrial {
     }
 }
 
-/// An answered check of understanding.
+/// The state of the check of understanding.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Quiz {
     pub(super) attempts: usize,
-    /// The chosen answers.
+    /// The chosen answer to each question.
     pub(super) chosen: Vec<Option<usize>>,
     pub(super) is_incomplete: bool,
     /// Number of attempts when these questions were drawn.
@@ -50,22 +50,22 @@ pub(super) struct Quiz {
 /// How long the last picture of a scene is shown.
 #[derive(Clone, Copy)]
 pub(super) struct Stay {
-    /// Duration from when the browser draws it, ms.
+    /// Duration (ms) from the moment when the browser draws the picture.
     pub(super) drawn_for_ms: f64,
-    /// Whether the browser has drawn it.
+    /// Whether the browser has drawn the picture.
     pub(super) is_drawn: bool,
-    /// Time at which the page continues, ms.
+    /// The time at which the page continues (ms).
     pub(super) until_ms: f64,
 }
 
-/// The participant's stage in the study.
+/// The stage that a participant has reached.
 #[derive(Default)]
 pub(super) enum Stage {
     #[default]
     Loading,
-    /// Nothing can be done: the key of the heading, and the reason.
+    /// Nothing can be done. Contains the key of the heading, and the reason.
     Stuck(&'static str, String),
-    /// A device that seems to have no keyboard.
+    /// The device seems to have no keyboard.
     Touch,
     Welcome,
     Equipment(Box<Equipment>),
@@ -73,19 +73,21 @@ pub(super) enum Stage {
     Comprehension(Quiz),
     /// Waiting for the participant to start a scene.
     Ready,
-    /// Between scenes.
+    /// A rest between two scenes.
     Rest,
-    /// A scene stands still until this time, ms. The keys must be up before it starts.
+    /// The scene stands still until this time (ms); the last field has the seconds left. The keys
+    /// must be released before it starts.
     Countdown(Box<PlannedTrial>, f64, u32),
     Driving(Box<PlannedTrial>, Box<Drive>),
     /// The last picture of a scene is shown.
     Over(Box<PlannedTrial>, JointState, Stay, Outcome),
-    /// The questions after the last scene, with the indices of required ones without an answer.
+    /// The questions after the last scene, with the indices of required questions that were not
+    /// answered.
     Questions(Vec<usize>),
     /// All scenes are driven; the last trials are being uploaded.
     Finishing,
     Done(Option<String>, Option<String>),
-    /// The participation has ended early: keys of heading and reason, and where to go.
+    /// The participation has ended early, with the keys of heading and reason, and where to go.
     Ended(&'static str, &'static str, Option<String>),
     /// Another tab has taken over.
     Elsewhere,

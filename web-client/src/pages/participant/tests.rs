@@ -1,4 +1,4 @@
-//! A whole participation without a browser.
+//! Tests of a whole participation without a browser.
 
 mod answers;
 mod driving;
@@ -24,7 +24,7 @@ use std::collections::BTreeMap;
 
 type Session = testing::Session<Participant>;
 
-/// The texts of the English file, without any of the study's own.
+/// The texts of the English language file, without any texts of the study itself.
 fn texts() -> Texts {
     let file = include_str!("../../../../static/languages/en.toml");
     let tables: BTreeMap<String, toml::Table> = toml::from_str(file).unwrap();
@@ -103,15 +103,15 @@ fn opened(kept: BTreeMap<String, String>, link: &str) -> Session {
     Session::new(Participant::open(context), kept)
 }
 
-/// The page of a participant in a browser with `kept` stored, once the study is shown.
+/// The participant's page once it shows the study, in a browser that has stored `kept`.
 fn open(kept: BTreeMap<String, String>, study: &StudyConfig) -> Session {
     open_at(kept, study, "")
 }
 
 fn open_at(kept: BTreeMap<String, String>, study: &StudyConfig, link: &str) -> Session {
     let mut session = opened(kept, link);
-    // A participant who has begun requests the study again, as it was then; a person with an
-    // external id asks whether they can take part.
+    // A participant who has begun requests the study again, as it was at that time. A person with
+    // an external id asks whether they can take part.
     while session.asked.iter().any(|request| request.name == "study") {
         session.send("study", 200, &StudyInfo::of(study, study.status.into()));
         if session.asked.iter().any(|request| request.name == "texts") {
@@ -121,7 +121,7 @@ fn open_at(kept: BTreeMap<String, String>, study: &StudyConfig, link: &str) -> S
     session
 }
 
-/// The same in a fresh browser.
+/// The participant's page in a browser that has stored nothing.
 fn welcomed() -> Session {
     open(BTreeMap::new(), &StudyConfig::default())
 }
@@ -133,7 +133,7 @@ fn begun() -> Session {
     session
 }
 
-/// The countdown of a scene, ms.
+/// Duration of the countdown of a scene (ms).
 const COUNTDOWN_MS: f64 = 3000.0;
 
 impl Session {
@@ -142,7 +142,7 @@ impl Session {
         self.press("continue");
     }
 
-    /// Goes to the instructions.
+    /// Goes on to the instructions.
     fn instructed(&mut self) {
         self.equipped();
         self.press("continue");
@@ -162,8 +162,7 @@ impl Session {
         }
     }
 
-    /// Drives a scene with the left key held from 3 s to 5 s, and waits until its end has been
-    /// shown.
+    /// Drives a scene with the left key down from 3 s to 5 s, and waits until its end was shown.
     fn drive(&mut self) {
         self.press("start");
         let begun = self.now_ms + COUNTDOWN_MS;
@@ -178,7 +177,7 @@ impl Session {
         }
     }
 
-    /// Lets time pass with frames.
+    /// Lets this time pass, with frames.
     fn pass(&mut self, ms: f64) {
         let until = self.now_ms + ms;
         while self.now_ms < until {
@@ -186,7 +185,7 @@ impl Session {
         }
     }
 
-    /// The upload in flight, which must be that of this trial.
+    /// The pending upload, which must belong to this trial.
     fn uploaded(&self, id: &str) -> TrialUpload {
         let request = self.asked.iter().find(|request| request.name == "upload").unwrap();
         assert_eq!(request.url.split('?').next(), Some(&*routes::my_trial(id)));
@@ -200,7 +199,7 @@ impl Session {
         self.send("upload", 201, &stored);
     }
 
-    /// Delivers the completion code.
+    /// Lets the server send the completion code.
     fn completed(&mut self) {
         self.send("complete", 200, &Completed { completion_code: "ABC".into(), return_url: None });
         assert!(self.text().contains("ABC"));

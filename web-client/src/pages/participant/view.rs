@@ -55,7 +55,7 @@ pub(super) fn page(page: &Participant) -> Node {
         .children(not_kept)
 }
 
-/// Before the texts have arrived, only the browser's own progress indicator shows activity.
+/// Before the texts have arrived, an ellipsis is shown.
 fn loading(page: &Participant) -> Node {
     let words = if page.has_texts() { page.say("page.loading") } else { "…".to_owned() };
     el("main")
@@ -67,7 +67,7 @@ fn loading(page: &Participant) -> Node {
 fn stuck(page: &Participant, heading: &str, why: &str) -> Node {
     let (heading, why) = match page.has_texts() {
         true => (page.say(heading), why.to_owned()),
-        // The server did not send the sentences.
+        // The server has not sent the sentences.
         false => ("Sidestep".to_owned(), "Study not found. Please check the link.".to_owned()),
     };
     card(&heading).test_id("stuck").child(el("p").text(why))

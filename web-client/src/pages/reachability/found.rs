@@ -1,4 +1,4 @@
-//! A value function and its pictures, each created on first use.
+//! A value function and its pictures. Each picture is created on first use.
 
 use sidestep::chart::{ColourStyle, Element};
 use sidestep::picture::Window;
@@ -9,17 +9,17 @@ use std::rc::Rc;
 /// The current value function.
 pub(super) struct Found {
     function: ValueFunction,
-    /// Duration of its solve, s.
+    /// Duration of the solve (s).
     seconds: Option<f64>,
     window: Window,
     scale: Scale,
-    /// The current map, with its quantity and heading, and the same as an element.
+    /// The current map, with its quantity and heading (degrees), and the map as an element.
     map: Option<(Shown, u16, Map, Element)>,
-    /// Difference from the closed form, if there is one and this function is not it.
+    /// The difference from the closed form, if there is a closed form and this function is not it.
     difference: Option<Difference>,
-    /// Maximum and mean error at the heading, m.
+    /// Maximum and mean error at the current heading (m).
     errors_m: Option<[f64; 2]>,
-    /// Its values for tubes of any level, and the tube of the current level.
+    /// The values that tubes of all levels need, and the tube of the current level.
     tubes: Option<Tubes>,
     tube: Option<(f64, Rc<Mesh>)>,
     /// See [`Self::is_new`].
@@ -56,17 +56,17 @@ impl Found {
         self.window
     }
 
-    /// Distance that a key moves the cross-hair, m: a hundredth of the window.
+    /// How far a key moves the cross-hair (m): a hundredth of the window's width.
     pub(super) fn key_step_m(&self) -> f64 {
         0.01 * (self.window.high[0] - self.window.low[0])
     }
 
-    /// Whether this is the first call.
+    /// Whether this is the first call of this method.
     pub(super) fn is_new(&mut self) -> bool {
         std::mem::take(&mut self.is_new)
     }
 
-    /// The closed form of its game, if there is one and this function is not it.
+    /// The closed form for this function's game, if there is one and this function is not it.
     pub(super) fn closed_form(&self) -> Option<ExactValue> {
         match &self.function {
             ValueFunction::Exact(_) => None,
@@ -75,7 +75,7 @@ impl Found {
         }
     }
 
-    /// Draws the map of a view, unless it is already drawn.
+    /// Draws the picture for a view, unless it is already drawn.
     pub(super) fn draw(&mut self, view: &View, width: f64) {
         if view.shown == Shown::Tube {
             self.draw_tube(view.level_m);
@@ -114,7 +114,7 @@ impl Found {
         self.tube = Some((level_m, Rc::new(mesh)));
     }
 
-    /// The last tube drawn.
+    /// The mesh of the last tube drawn.
     pub(super) fn mesh(&self) -> Option<Rc<Mesh>> {
         self.tube.as_ref().map(|(_, mesh)| Rc::clone(mesh))
     }
@@ -124,23 +124,24 @@ impl Found {
         self.map.as_ref().map(|(.., map, _)| map)
     }
 
-    /// The same as an element.
+    /// The last map drawn, as an element.
     pub(super) fn element(&self) -> Option<Element> {
         self.map.as_ref().map(|(.., element)| element.clone())
     }
 
-    /// The state, m, at a position given as shares of the picture's width and height.
+    /// The position (m) at a point of the picture, which is given in fractions of the picture's
+    /// width and height.
     pub(super) fn at(&self, shares: [f64; 2]) -> Option<[f64; 2]> {
         let map = self.map()?;
         map.at_px([0, 1].map(|d| shares[d] * map.drawing.size[d]))
     }
 
-    /// The errors at all headings, and their maximum and mean size at the current heading, m.
+    /// The errors at all headings, and the maximum and mean error at the current heading (m).
     pub(super) fn errors(&self) -> Option<(&Difference, [f64; 2])> {
         Some((self.difference.as_ref()?, self.errors_m?))
     }
 
-    /// The method of solution, in words.
+    /// How the function was computed, in words.
     pub(super) fn how(&self) -> String {
         match &self.function {
             ValueFunction::Exact(_) => "closed form".to_owned(),

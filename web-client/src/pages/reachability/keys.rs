@@ -1,21 +1,21 @@
-//! The keys of the page, by code.
+//! The keys of the page, by their codes.
 
 use super::Msg;
 use crate::view::{self, el};
 use sidestep::value_view::Shown;
 
-/// The action of a key.
+/// What a key does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Key {
-    /// Moves the cross-hair by this number of steps to the right and up.
+    /// Moves the cross-hair by these numbers of steps, right and up.
     Move([i8; 2]),
     /// Changes the relative heading by this number of degrees.
     Turn(i16),
-    /// Enlarges the tube by this number of tenths.
+    /// Scales the tube by 1.1 to this power.
     Zoom(i8),
     /// Plays optimally from the cross-hair.
     Play,
-    /// Discards the game that was played.
+    /// Discards the optimal play that is shown.
     Forget,
     /// Shows another quantity.
     Show(Shown),

@@ -1,4 +1,4 @@
-//! The page's view.
+//! The view of the page.
 
 use super::found::Found;
 use super::{CANVAS, Msg, Reachability, keys};
@@ -65,7 +65,7 @@ fn seen(page: &Reachability) -> Node {
         .children(progress(page))
 }
 
-/// The reason why there is no picture, and instructions.
+/// Why there is no picture, and what the user can do.
 fn missing(page: &Reachability) -> Node {
     let empty = el("div").class("empty").test_id("unsolved");
     let Some(why) = &page.missing else {
@@ -78,7 +78,7 @@ fn missing(page: &Reachability) -> Node {
     }
 }
 
-/// Progress of the solve, or of the file.
+/// Progress of the solve for the page or for the file.
 fn progress(page: &Reachability) -> Option<Node> {
     let share = match (page.solving, &page.writing) {
         (Some((_, share)), _) => share,
@@ -115,7 +115,7 @@ fn shown(page: &Reachability, found: &Found) -> Node {
             }
         };
         let words = el("p").test_id("no-closed-form").text(why);
-        // For a game with a closed form, one button shows the solver's error.
+        // One button solves the game on a grid, to show the solver's error.
         let solve = matches!(found.function(), ValueFunction::Exact(_)).then(|| {
             let polar = FieldValue::Text("polar".to_owned());
             button("solve-to-compare", Msg::Set("method", polar)).text("Solve on the polar grid")
@@ -129,11 +129,11 @@ fn shown(page: &Reachability, found: &Found) -> Node {
     pictures.child(map(page, found)).children(world(page, found))
 }
 
-/// How to turn the tube.
+/// Explains how to turn the tube.
 const HINT: &str = "Drag it, or use the arrow keys, to turn it; the wheel, + and − change its size. Its ends at \
                     0° and 360° are the same.";
 
-/// The tube, or its substitute.
+/// The tube as a solid, or cut at eight headings.
 fn tube(page: &Reachability, found: &Found) -> Node {
     let level = number(page.view.level_m);
     let words =
@@ -190,7 +190,7 @@ fn tube(page: &Reachability, found: &Found) -> Node {
     el("figure").class("slice").child(solid).children(instead).children(nothing).child(heading)
 }
 
-/// The map with its marks, and the slider of the heading.
+/// The map with its marks, and the slider for the heading.
 fn map(page: &Reachability, found: &Found) -> Node {
     let base =
         found.element().map(|element| drawn(element).attr("aria-hidden", "true").class("base"));
@@ -241,7 +241,7 @@ fn legend(page: &Reachability) -> Node {
     el("ul").class("signs").attr("aria-label", "Legend").children(items)
 }
 
-/// Both paths of a game in the world.
+/// The paths of both vehicles in the world frame.
 fn world(page: &Reachability, found: &Found) -> Option<Node> {
     let game = page.game.as_ref()?.as_ref().ok()?;
     let drawing = game.world(found.function().game().radius_m, page.widths()[1]);
@@ -270,7 +270,7 @@ fn panel(page: &Reachability) -> Node {
         .child(keys::list())
 }
 
-/// The game and how it is solved.
+/// The controls for the game and for how it is solved.
 fn parameters(page: &Reachability) -> Node {
     let values = page.view.parameters();
     let value = move |name: &str| {
@@ -324,7 +324,7 @@ fn parameters(page: &Reachability) -> Node {
     ])
 }
 
-/// The origin of the function, and whether it can be trusted.
+/// How the function was computed, and whether it can be trusted.
 fn origin(page: &Reachability, found: &Found) -> Node {
     let how = match found.seconds() {
         Some(seconds) => format!("{}, solved here in {} s", found.how(), fixed(seconds, 2)),
@@ -349,7 +349,8 @@ fn origin(page: &Reachability, found: &Found) -> Node {
         .children(doubt)
 }
 
-/// The numbers at the cross-hair or under the pointer, and the game from there.
+/// The numbers at the cross-hair or under the pointer, and the result of optimal play from the
+/// cross-hair.
 fn numbers(page: &Reachability, found: &Found) -> Node {
     let [x, y] = page.at_m();
     let state = found.function().state(page.state([x, y]));
@@ -376,7 +377,7 @@ fn numbers(page: &Reachability, found: &Found) -> Node {
     let outside = (!state.inside)
         .then(|| el("p").class("quiet").text("Outside the solved grid: V is extrapolated."));
     let radius_m = found.function().game().radius_m;
-    // The value of a finite horizon says nothing about later times.
+    // The value for a finite horizon says nothing about later times.
     let within = match found.function() {
         ValueFunction::Sampled(samples) if samples.horizon_s().is_finite() => {
             format!(" for {} s", number(samples.horizon_s()))
@@ -430,7 +431,7 @@ fn played(game: &Play, radius_m: f64, doubtful: &str) -> Node {
         ]))
 }
 
-/// The solver's error against the closed form.
+/// The solver's error compared with the closed form.
 fn errors(page: &Reachability, found: &Found) -> Option<Node> {
     if page.view.shown != Shown::Error {
         return None;

@@ -1,6 +1,6 @@
-//! How often the predicted sets of a pane contain this participant's future. They are counted in a
-//! worker over the tasks that did not train the predictor, as in the explorer; for learned sets the
-//! server sends the counts.
+//! How often the predicted sets of a pane contain this participant's future. As in the explorer, a
+//! worker counts over the tasks that did not train the predictor. For learned sets, the server
+//! sends the counts.
 
 use super::choice::{Choice, Pane};
 use super::{Msg, Replay};
@@ -17,36 +17,37 @@ use sidestep::trial::Phase;
 use sidestep::trial_view::Playback;
 use std::rc::Rc;
 
-/// The participant's tasks; `None` until they have arrived, or if they cannot be read.
+/// The participant's tasks. `None` until they have arrived, and if they cannot be read.
 #[derive(Default)]
 pub(super) struct Tasks(Option<(Drives, Vec<u8>)>);
 
 impl Tasks {
-    /// Requests the tasks of this trial's participant. The other phases have too few trials to
-    /// count.
+    /// Requests the tasks of this trial's participant, but not for a trial of another phase,
+    /// because those phases have too few trials to count.
     fn ask(trial: &TrialDetail) -> Option<Command<Msg>> {
         let route = routes::admin_drives(&trial.summary.participant_id);
         let is_task = trial.summary.phase == Phase::Task;
         is_task.then(|| Command::Send(Request::get("drives", route, Msg::Drives)))
     }
 
-    /// Parses the server's answer; the evaluators get the same bytes.
+    /// Parses the server's answer. The bytes are kept to forward them to the evaluators.
     pub(super) fn of(answer: Answer) -> Self {
         let drives = answer.ok().and_then(|it| Some((read(Ok(it.clone())).ok()?, it)));
         Self(drives)
     }
 }
 
-/// State of the probabilities of a pane's sets.
+/// The probabilities for a pane's sets.
 #[derive(Default)]
 pub(super) struct Chances {
     coverage: Coverage,
-    /// Counts from the server.
+    /// Counts that the server sent.
     told: Option<Probabilities>,
 }
 
 impl Chances {
-    /// The evaluator's input to count for this predictor, once all of it is known.
+    /// The messages that make the evaluator count for this predictor. `None` until all of their
+    /// content is known.
     fn question(
         &mut self,
         tasks: Option<&Tasks>,
@@ -71,7 +72,7 @@ impl Chances {
         ])
     }
 
-    /// Takes a report of the evaluator. Returns whether it was the last one.
+    /// Processes a report from the evaluator. Returns whether it was the last one.
     fn take(&mut self, answer: Answer) -> bool {
         let Some(report) = self.coverage.newest(answer) else { return false };
         let is_over = report.done >= 1.0;
@@ -85,7 +86,7 @@ impl Chances {
         self.told.as_ref().or_else(counted)
     }
 
-    /// The meaning of the probabilities, or why there are none; `None` until that is known.
+    /// Explains the probabilities, or says why there are none. `None` until that is known.
     pub(super) fn words(&self, sets: usize, of: &str) -> Option<String> {
         let counted = self.probabilities(sets).map(|p| {
             format!(
@@ -101,9 +102,9 @@ impl Chances {
 }
 
 impl Replay {
-    /// Starts counting for a pane, once its input is complete.
+    /// Starts counting for a pane if its input is complete.
     pub(super) fn count(&mut self, pane: Pane) -> Commands<Msg> {
-        // The trial comes first: its tasks are requested only when there is something to count.
+        // The trial comes first, so the tasks are requested only when there is something to count.
         let beside = self.beside.as_ref().map_or(&[][..], |beside| beside.playback.forecast());
         if self.tasks.is_none() && !(self.playback.forecast().is_empty() && beside.is_empty()) {
             self.tasks = Some(Tasks::default());
@@ -123,7 +124,7 @@ impl Replay {
         [Command::Cancel(name)].into_iter().chain(told).collect()
     }
 
-    /// Takes a report of a pane's evaluator.
+    /// Processes a report from a pane's evaluator.
     pub(super) fn take_chances(&mut self, pane: Pane, answer: Answer) -> Commands<Msg> {
         let chances = match (pane, &mut self.beside) {
             (Pane::First, _) => &mut self.chances,

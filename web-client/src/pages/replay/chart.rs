@@ -1,4 +1,4 @@
-//! Safety levels, distance and input over time.
+//! Safety levels, distance and inputs over time.
 
 use super::Msg;
 use crate::view::{self, drawn, el, still};
@@ -15,34 +15,35 @@ type Node = view::Node<Msg>;
 const WIDTH: f64 = 1000.0;
 const HEIGHT: f64 = 158.0;
 const FRAME: Frame = Frame { left: 0.0, top: 4.0, width: WIDTH, height: 96.0 };
-/// Height of the line that separates left turns (above) from right turns (below) in the strip.
+/// Height of the line that separates left turns (above it) from right turns (below it) in the strip
+/// of inputs.
 const MIDDLE: f64 = 117.0;
-/// Height of the bar of a turn.
+/// Height of the bar for a turn.
 const BAR: f64 = 8.0;
-/// The strip of predicted probabilities: left, straight and right, from top to bottom, fill its
-/// height by their shares.
+/// The strip of predicted probabilities. Left, straight and right, from top to bottom, fill the
+/// height of the strip in proportion to their probabilities.
 const PREDICTED: [f64; 2] = [134.0, 154.0];
 const LEFT: colours::Colour = colours::HUMAN;
 const RIGHT: colours::Colour = colours::SERIES[1];
 
 /// The parts that do not change with time, cached between frames.
 pub(super) struct Strip {
-    /// The plotted lines as data.
+    /// The data of the plotted lines.
     lines: Chart,
-    /// The whole chart except the current time.
+    /// The whole chart without the current time.
     drawing: Node,
 }
 
 impl Strip {
-    /// The chart of a trial.
+    /// Draws the chart of a trial.
     pub(super) fn new(trial: &TrialDetail, playback: &Playback) -> Self {
         let lines = lines(trial, playback);
         let drawing = draw(trial, playback, &lines);
         Self { lines, drawing }
     }
 
-    /// The chart at the current time. It is stretched to its place, so text is kept outside the
-    /// drawing.
+    /// The chart with a mark at the current time. The drawing is stretched to fill its space, so
+    /// text is kept outside of it.
     pub(super) fn view(&self, playback: &Playback) -> Node {
         let now = 100.0 * self.lines.x.share(playback.now().time_s);
         let now = el("i").class("now").attr("style", format!("left:{now:.3}%"));
@@ -54,7 +55,7 @@ impl Strip {
         legend(&self.lines)
     }
 
-    /// Its data, and the input held from each time on.
+    /// The chart's data as a table, with the input held from each time on.
     pub(super) fn table(&self, trial: &TrialDetail, playback: &Playback) -> Table {
         table(trial, playback, &self.lines)
     }
@@ -132,7 +133,7 @@ fn draw(trial: &TrialDetail, playback: &Playback, chart: &Chart) -> Node {
         el("span").class(class).attr("style", style).text(words)
     };
     let top = |y: f64| format!("top:{:.2}%", 100.0 * y / HEIGHT);
-    // Only the last label carries the unit.
+    // Only the last label has the unit.
     let last = chart.y.ticks().count();
     let y_labels = chart.y.ticks().zip(1..).map(|(tick, n)| {
         let unit = if n == last { " m" } else { "" };

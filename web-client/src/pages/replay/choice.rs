@@ -1,4 +1,4 @@
-//! The predictor in a pane of a replay, and the alternatives.
+//! The predictor of a pane in a replay, and the predictors to choose from.
 
 use super::Msg;
 use crate::form::FieldValue;
@@ -22,14 +22,14 @@ type Node = view::Node<Msg>;
 /// One of two pictures of the same instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pane {
-    /// The one that is always shown.
+    /// The picture that is always shown.
     First,
-    /// The one beside it.
+    /// The second picture, beside the first.
     Second,
 }
 
 impl Pane {
-    /// The name of the request for its predictor.
+    /// The name of the request for the pane's predictor.
     pub(super) fn request(self) -> &'static str {
         match self {
             Self::First => "predictor",
@@ -37,7 +37,7 @@ impl Pane {
         }
     }
 
-    /// The name of its evaluator.
+    /// The name of the pane's evaluator.
     pub(super) fn evaluator(self) -> &'static str {
         match self {
             Self::First => "chances",
@@ -60,9 +60,9 @@ pub(super) struct Choice {
     chosen: Chosen,
     /// Facts about the predictor, once it is loaded.
     known: Option<Known>,
-    /// Why there is no predictor, if so.
+    /// Why there is no predictor.
     refused: Option<String>,
-    /// Why the last file cannot be used, if so.
+    /// Why the last opened file cannot be used.
     unusable: Option<String>,
 }
 
@@ -71,7 +71,7 @@ pub(super) struct Choice {
 enum Chosen {
     /// A predictor that a link can name.
     Linked(Source),
-    /// A predictor opened from a file, which no link can name.
+    /// A predictor from a file that the user opened. No link can name it.
     File,
 }
 
@@ -80,23 +80,24 @@ enum Chosen {
 struct Known {
     /// The number of trials that trained it.
     trials: usize,
-    /// Why it is a simple one, if so.
+    /// Why the predictor has only the frequencies of the inputs, if so.
     fallback: Option<String>,
     /// The analysis that trained it, if any.
     source: Option<PredictorSource>,
     /// The ids of these trials.
     trained_on: Vec<String>,
-    /// Number of its features, if it is from a file.
+    /// Number of features of a predictor from a file.
     features: usize,
-    /// How often its sets contain the future of the other tasks, if the server has counted that.
+    /// How often the predictor's sets contain the future of the other tasks, if the server has
+    /// counted this.
     held: Option<Probabilities>,
 }
 
-/// Source of a predictor.
+/// Where to get a predictor from.
 pub(super) enum Ask {
-    /// The server has it.
+    /// From the server, with this request.
     Server(Command<Msg>),
-    /// It is known already.
+    /// Already known, or an error.
     Nobody(Result<Box<Method>, String>),
 }
 
@@ -106,7 +107,7 @@ impl Choice {
         Self { pane, chosen, known: None, refused: None, unusable: None }
     }
 
-    /// The source of the predictor.
+    /// Where to get the predictor from.
     pub(super) fn ask(&mut self, trial_id: &str) -> Ask {
         (self.known, self.refused) = (None, None);
         let predictor = |query: &str| {
@@ -137,7 +138,7 @@ impl Choice {
         Ask::Server(Command::Send(Request::get(pane.request(), url, then)))
     }
 
-    /// The source for a link: for a file, the default predictor.
+    /// The source for links. For a predictor from a file, the default predictor.
     pub(super) fn source(&self) -> Source {
         match &self.chosen {
             Chosen::Linked(source) => source.clone(),
@@ -155,17 +156,19 @@ impl Choice {
         }
     }
 
-    /// Ids of the trials that trained it, as far as known; `None` until it is loaded.
+    /// Ids of the trials that trained the predictor, as far as they are known. `None` until the
+    /// predictor is loaded.
     pub(super) fn trained_on(&self) -> Option<&[String]> {
         self.known.as_ref().map(|known| &*known.trained_on)
     }
 
-    /// How often its sets contain the future of the other tasks, if the server has counted that.
+    /// How often the predictor's sets contain the future of the other tasks, if the server has
+    /// counted this.
     pub(super) fn held(&self) -> Option<&Probabilities> {
         self.known.as_ref().and_then(|known| known.held.as_ref())
     }
 
-    /// The tasks over which its probabilities are counted.
+    /// Whether the tasks over which the probabilities are counted trained the predictor, in words.
     pub(super) fn judged_on(&self) -> &'static str {
         match &self.chosen {
             Chosen::File => "The file does not say which of them trained the predictor.",
@@ -173,7 +176,7 @@ impl Choice {
         }
     }
 
-    /// Its caption in a picture.
+    /// The caption of the predictor's picture.
     pub(super) fn caption(&self) -> String {
         match &self.chosen {
             Chosen::Linked(source) => source.caption(),
@@ -187,7 +190,7 @@ impl Choice {
         self.unusable = None;
     }
 
-    /// Takes the server's answer: the predictor or the sets, or the reason why there are none.
+    /// Processes the server's answer. Returns the predictor or the sets, or why there are none.
     pub(super) fn arrived(&mut self, answer: Answer) -> Result<Method, String> {
         if let Chosen::Linked(Source::Way(way)) = &self.chosen
             && let Needs::Trials(_) = way.needs()
@@ -207,7 +210,7 @@ impl Choice {
         learned.map(Method::from).map_err(|invalid| invalid.to_string())
     }
 
-    /// Takes the content of a file. If it is not a predictor of turns, only the error message
+    /// Processes the content of a file. If it is not a predictor of turns, only the error message
     /// changes.
     pub(super) fn open(&mut self, content: &FieldValue) -> Option<Learned> {
         match of_file(content.text()) {
@@ -264,7 +267,7 @@ fn named(analysis: &str, file: &str) -> Named {
     Named { analysis: analysis.to_owned(), file: file.to_owned() }
 }
 
-/// The control, and facts about the predictor.
+/// The control that chooses the predictor, and facts about the predictor.
 pub(super) fn section(
     choice: &Choice,
     offered: &Offered,
@@ -304,7 +307,7 @@ pub(super) fn section(
 fn list(choice: &Choice, offered: &Offered, trial: &TrialDetail) -> Node {
     let pane = choice.pane;
     let entry = |way: &Way| {
-        // The default needs no name.
+        // The default predictor needs no name in a link.
         let value = if *way == Way::Earlier { "" } else { way.name() };
         let is_chosen = choice.chosen == Chosen::Linked(Source::Way(*way));
         option(value.to_owned(), is_chosen, way.label().to_owned()).attr("title", way.meaning())
@@ -363,7 +366,7 @@ fn about(choice: &Choice, known: &Known) -> Node {
     el("p").text(words)
 }
 
-/// The relation of the model to this trial: a warning if it was trained on it.
+/// How the model is related to this trial. Warns if the model was trained on it.
 fn note(source: &PredictorSource, pane: Pane) -> Node {
     let number = source.summary.participant;
     let words = match source.trial {

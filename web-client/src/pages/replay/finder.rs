@@ -16,19 +16,19 @@ use sidestep::chart::fixed;
 
 type Node = view::Node<Whole>;
 
-/// Largest number of models shown; search words narrow the list.
+/// Maximum number of models shown. Search words narrow the list.
 const MOST: usize = 12;
 
 /// State of the finder, as far as it is loaded.
 pub(super) struct Finder {
-    /// The pane that gets the model.
+    /// The pane in which the model will be used.
     pub(super) pane: Pane,
     studies: Vec<StudySummary>,
     study: String,
-    /// Finished analyses; `None` before the server has answered.
+    /// The finished analyses of the study. `None` before the server has answered.
     analyses: Option<Vec<AnalysisSummary>>,
     analysis: String,
-    /// The number of a participant; empty for all.
+    /// The number of a participant. Empty for all participants.
     participant: String,
     page: Option<PredictorPage>,
     sought: String,
@@ -50,12 +50,12 @@ pub enum Msg {
     Participant(FieldValue),
     /// The server listed models.
     Models(Answer),
-    /// Show only models with these words.
+    /// Show only models that contain these words.
     Search(FieldValue),
 }
 
 impl Finder {
-    /// Opens the finder for this pane, with this study selected.
+    /// Opens the finder for this pane. Initially this study is selected.
     pub(super) fn open(pane: Pane, study: &str) -> (Self, Commands<Whole>) {
         let finder = Self {
             pane,
@@ -77,7 +77,8 @@ impl Finder {
         ask("finder-analyses", routes::admin_analyses(&self.study), Msg::Analyses)
     }
 
-    /// Models of experiment 2 do not predict the direction of a turn.
+    /// Requests only models of experiment 1: those of experiment 2 do not predict the direction of
+    /// a turn.
     fn ask_models(&mut self) -> Commands<Whole> {
         self.page = None;
         if self.analysis.is_empty() {
@@ -136,7 +137,7 @@ impl Finder {
         })
     }
 
-    /// The models that match all search words.
+    /// The models that contain all search words.
     fn found<'a>(&'a self, page: &'a PredictorPage) -> impl Iterator<Item = &'a PredictorSummary> {
         page.predictors.iter().filter(|it| {
             let words = words(it).to_lowercase();

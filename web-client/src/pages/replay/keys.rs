@@ -1,37 +1,37 @@
-//! The keys of a replay, by code.
+//! The keys of the replay, by their codes.
 
 use super::Msg;
 use crate::view::{self, el};
 use sidestep::trial_view::view::SPEEDS;
 
-/// The action of a key.
+/// What a key does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Key {
     /// Plays, or pauses.
     Play,
-    /// Moves this many steps, back if negative.
+    /// Moves by this many steps, backward if negative.
     Step(i32),
     /// Goes to the start.
     Start,
     /// Goes to the end.
     End,
-    /// The next faster or slower speed.
+    /// Switches to the next faster (positive) or slower (negative) speed.
     Speed(i32),
-    /// The next or the previous trial.
+    /// Goes to the next (positive) or the previous (negative) trial.
     Trial(i32),
-    /// Shows or hides the layer at this place.
+    /// Shows or hides the layer at this index.
     Layer(usize),
     /// Shows or hides the legend.
     Legend,
-    /// Switches colours.
+    /// Switches the colours of the sets.
     Colours,
-    /// Switches between sets within the time ahead and sets after each step.
+    /// Switches between sets for the whole time ahead and sets after each step.
     Sets,
     /// Shows or hides the second pane.
     Beside,
 }
 
-/// Each key, its label, and its action.
+/// The code of each key, its label and its action.
 const KEYS: [(&str, &str, Key); 25] = [
     ("Space", "Space", Key::Play),
     ("ArrowLeft", "←", Key::Step(-1)),
@@ -67,12 +67,12 @@ impl Key {
     }
 }
 
-/// The label of a layer's key.
+/// The label of the key that switches a layer.
 pub(super) fn of_layer(place: usize) -> Option<&'static str> {
     KEYS.iter().find(|(.., key)| *key == Key::Layer(place)).map(|(_, printed, _)| *printed)
 }
 
-/// The next speed up or down; the same at the end.
+/// The next higher or lower speed. If there is none, the speed stays the same.
 pub(super) fn speed(present: f64, by: i32) -> f64 {
     let place = SPEEDS.iter().position(|&speed| speed == present).unwrap_or(2) as i32;
     SPEEDS[(place + by).clamp(0, SPEEDS.len() as i32 - 1) as usize]

@@ -1,4 +1,4 @@
-//! One or two panes of a replay: their predictors, and pictures of both.
+//! The one or two panes of a replay: their predictors, and files with their pictures.
 
 use super::chances::Chances;
 use super::choice::{Ask, Choice, Pane};
@@ -10,7 +10,7 @@ use sidestep::picture::Picture;
 use sidestep::trial_view::source::{Source, Way};
 use sidestep::trial_view::{Method, Playback, side_by_side};
 
-/// The second pane: the same instant with another prediction.
+/// The second pane. It shows the same instant with another prediction.
 pub(super) struct Beside {
     pub(super) choice: Choice,
     pub(super) playback: Playback,
@@ -18,7 +18,7 @@ pub(super) struct Beside {
     pub(super) chances: Chances,
 }
 
-/// The second pane's default: the simplest guess.
+/// Default predictor of the second pane. It is the simplest guess.
 pub(super) const FIRST_BESIDE: Source = Source::Way(Way::ConstantVelocity);
 
 impl Replay {
@@ -35,7 +35,7 @@ impl Replay {
         }
     }
 
-    /// The choice and playback of a pane, if it is shown.
+    /// The choice and the playback of a pane, if the pane is shown.
     pub(super) fn pane(&mut self, pane: Pane) -> Option<(&mut Choice, &mut Playback)> {
         match pane {
             Pane::First => Some((&mut self.choice, &mut self.playback)),
@@ -45,9 +45,9 @@ impl Replay {
         }
     }
 
-    /// Shows the second pane with a prediction from this source.
+    /// Shows the second pane with a predictor from this source.
     pub(super) fn show_beside(&mut self, source: Source) -> Commands<Msg> {
-        // The trial has been shown before, so it is valid.
+        // This trial is already shown, so it is valid.
         let Ok(playback) = Playback::new(self.playback.recorded().clone()) else {
             return Vec::new();
         };
@@ -58,7 +58,7 @@ impl Replay {
         self.predict(Pane::Second)
     }
 
-    /// Predicts with the choice of this pane, once it is loaded.
+    /// Predicts with the chosen predictor of this pane, once that is loaded.
     pub(super) fn predict(&mut self, pane: Pane) -> Commands<Msg> {
         let trial_id = &self.trial.summary.trial_id;
         let ask = match pane {
@@ -68,7 +68,7 @@ impl Replay {
                 None => return Vec::new(),
             },
         };
-        // Never show sets of another predictor than the chosen one.
+        // Meanwhile, do not show the sets of the previous predictor.
         if let Some((_, playback)) = self.pane(pane) {
             let _ = playback.use_method(None);
         }
@@ -81,7 +81,7 @@ impl Replay {
         }
     }
 
-    /// Predicts with this method in this pane, or shows the error.
+    /// Uses this method for the predictions in this pane, or shows the error.
     pub(super) fn take(&mut self, pane: Pane, method: Result<Method, String>) {
         let Some((choice, playback)) = self.pane(pane) else { return };
         let used = method.and_then(|method| {
@@ -116,13 +116,13 @@ impl Replay {
         side_by_side(panes, &self.view, &title)
     }
 
-    /// Offers it as SVG.
+    /// Offers the picture as SVG.
     pub(super) fn svg(&mut self) -> Command<Msg> {
         let (name, content) = (self.file_name("svg"), self.drawing().svg().into_bytes());
         Command::offer(Offer::File { name, media_type: "image/svg+xml", content })
     }
 
-    /// Offers the same as PNG.
+    /// Offers the picture as PNG.
     pub(super) fn png(&mut self) -> Command<Msg> {
         let (name, content) = (self.file_name("png"), self.drawing().svg().into_bytes());
         Command::offer(Offer::File { name, media_type: PNG_OF_SVG, content })

@@ -1,4 +1,4 @@
-//! The replay's view around the canvas.
+//! The parts of the replay's view around the canvas.
 
 use super::chances::Chances;
 use super::choice::{self, Choice, Pane};
@@ -54,7 +54,7 @@ fn scene(replay: &Replay) -> Node {
         .child(picture)
 }
 
-/// The legend, for both pictures if there are two.
+/// The legend. If there are two pictures, it is for both.
 fn legend(replay: &Replay) -> Node {
     let items = match &replay.beside {
         None => replay.playback.legend(&replay.view),
@@ -76,7 +76,7 @@ fn panel(replay: &Replay) -> Node {
     let first = if both { "Predictor on the left, or above" } else { "Predictor" };
     let second = "Predictor on the right, or below";
     let chosen = |choice, heading| choice::section(choice, &replay.offered, &replay.trial, heading);
-    // It scrolls, so it must be reachable by keyboard.
+    // The panel scrolls, so it must be reachable by keyboard.
     el("aside")
         .class("panel")
         .attrs(&[("tabindex", "0"), ("aria-label", "Numbers at this step")])
@@ -105,8 +105,8 @@ fn panel(replay: &Replay) -> Node {
         .child(keys::list())
 }
 
-/// The probabilities of the next inputs, if the predictor gives them, and the predicted sets, once
-/// known.
+/// The probabilities of the next inputs, if the predictor has them, and the predicted sets, once
+/// they are known.
 fn predicted(
     replay: &Replay,
     playback: &Playback,
@@ -135,15 +135,16 @@ fn regions(replay: &Replay, playback: &Playback, choice: &Choice, chances: &Chan
         .children(words.map(|words| el("p").class("quiet").test_id("p-words").text(words)))
 }
 
-/// Study, participant and scene, the first two as links.
+/// The study and the participant as links, and the scene.
 fn whose(replay: &Replay) -> Node {
     let summary = &replay.trial.summary;
     let study = format!("/lab/studies/{}", replay.trial.study);
     let participant = format!("/lab/participants/{}", summary.participant_id);
     let words = format!("participant {}", summary.participant_number);
-    // The explorer shows tasks only.
+    // The explorer shows only tasks.
     let explorer = (summary.phase == Phase::Task).then(|| {
-        // The explorer's default predictor differs, so the link must name the replay's.
+        // The explorer has another default predictor, so the link must name the predictor of the
+        // replay.
         let chosen = match replay.choice.source() {
             Source::Way(Way::Constant) | Source::Model { .. } => replay.choice.query(),
             Source::Way(_) => "predictor=earlier".to_owned(),
@@ -164,7 +165,7 @@ fn whose(replay: &Replay) -> Node {
         .children(explorer)
 }
 
-/// How the layers are drawn.
+/// Controls for how the layers are drawn.
 fn drawing(replay: &Replay) -> Node {
     let style = &replay.view.style;
     let has_sets = replay.playback.set_count() > 0;
@@ -179,7 +180,7 @@ fn drawing(replay: &Replay) -> Node {
         ("tube".to_owned(), "within the whole time ahead".to_owned()),
         ("steps".to_owned(), "after each step".to_owned()),
     ];
-    // Before the prediction is known, the list contains only the requested set.
+    // Before the prediction is known, the list offers only the requested step.
     let asked = match style.sets {
         Sets::Step(step) if !has_sets => step..=step,
         _ => 1..=steps,
@@ -245,7 +246,7 @@ fn level_of(safety: &SafetyLevels, evader: Evader, state: &JointState) -> f64 {
     }
 }
 
-/// A warning about levels that prove nothing.
+/// A warning about safety levels that did not converge.
 fn doubt(replay: &Replay) -> Option<Node> {
     let doubtful = [(Evader::Human, "HR"), (Evader::Robot, "RH")];
     let mut doubtful =
@@ -263,7 +264,7 @@ fn doubt(replay: &Replay) -> Option<Node> {
     ))
 }
 
-/// How the trial ended, and whether it can be trusted.
+/// How the trial ended, and whether its data can be trusted.
 fn outcome(replay: &Replay) -> Node {
     let summary = &replay.trial.summary;
     let danger = summary.outcome.first_step_in_danger;
@@ -301,7 +302,7 @@ fn timeline(replay: &Replay) -> Node {
         .children(replay.shows_numbers.then(|| numbers(replay)))
 }
 
-/// The numbers of every step.
+/// The numbers of every step as a table.
 fn numbers(replay: &Replay) -> Node {
     let table = replay.strip.table(&replay.trial, &replay.playback);
     let row = |cells: Vec<String>| el("tr").children(cells.into_iter().map(cell));
@@ -311,7 +312,7 @@ fn numbers(replay: &Replay) -> Node {
         .child(parts::table(table.columns, table.rows.into_iter().map(row)))
 }
 
-/// The buttons of a player, and what the lines of the chart mean.
+/// The buttons of the player, and the legend of the chart.
 fn controls(replay: &Replay) -> Node {
     let picture = |path: &'static str| {
         el("svg")

@@ -1,9 +1,9 @@
-//! A study as a tree of values, whose fields have paths such as `phases[0].scenes`: the same paths
-//! as in the server's complaints.
+//! A study as a tree of values. A path such as `phases[0].scenes` names a field, as in the server's
+//! error messages.
 
 use serde_json::{Map, Value};
 
-/// A part of a path.
+/// One part of a path.
 enum Part<'a> {
     Name(&'a str),
     Place(usize),
@@ -24,7 +24,7 @@ pub(super) fn get<'a>(study: &'a Value, path: &str) -> Option<&'a Value> {
     })
 }
 
-/// The text of a field; empty if it has none.
+/// The text of a field. Empty if the field has no text.
 pub(super) fn text<'a>(study: &'a Value, path: &str) -> &'a str {
     get(study, path).and_then(Value::as_str).unwrap_or_default()
 }
@@ -44,7 +44,7 @@ pub(super) fn list<'a>(study: &'a Value, path: &str) -> &'a [Value] {
     get(study, path).and_then(Value::as_array).map_or(&[], Vec::as_slice)
 }
 
-/// Sets a field. Creates missing objects on the path, but no list items.
+/// Sets a field. Creates missing objects along the path, but no list items.
 pub(super) fn set(study: &mut Value, path: &str, new: Value) {
     let field = parts(path).try_fold(study, |value, part| match part {
         Part::Place(place) => value.get_mut(place),
@@ -60,7 +60,7 @@ pub(super) fn set(study: &mut Value, path: &str, new: Value) {
     }
 }
 
-/// Removes a field of an object.
+/// Removes a field from its object.
 pub(super) fn unset(study: &mut Value, path: &str) {
     let Some((object, name)) = path.rsplit_once('.') else { return };
     if let Some(object) = get_mut(study, object).and_then(Value::as_object_mut) {
@@ -68,7 +68,7 @@ pub(super) fn unset(study: &mut Value, path: &str) {
     }
 }
 
-/// Changes a list.
+/// Applies a change to a list.
 pub(super) fn change(study: &mut Value, path: &str, change: impl FnOnce(&mut Vec<Value>)) {
     if let Some(list) = get_mut(study, path).and_then(Value::as_array_mut) {
         change(list);

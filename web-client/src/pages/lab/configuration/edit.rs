@@ -1,9 +1,9 @@
-//! Changes to the study by a field or button of the form.
+//! Changes to a study that a field or a button of the form makes.
 
 use super::document::{change, get, set, text, unset};
 use serde_json::{Value, json};
 
-/// A change of the study.
+/// A change to the study.
 #[derive(Clone, Debug)]
 pub(in crate::pages::lab) enum Edit {
     /// Sets a field.
@@ -29,7 +29,7 @@ impl Edit {
             Self::Set(path, value) => set(study, &path, value),
             Self::Unset(path) => unset(study, &path),
             Self::Kind(path, kind) => {
-                // The path ends in `.kind`.
+                // The path ends with `.kind`.
                 let Some((question, _)) = path.rsplit_once('.') else { return };
                 let Some(old) = get(study, question).cloned() else { return };
                 let kind = kind.as_str().unwrap_or_default();
@@ -77,7 +77,7 @@ impl Edit {
     }
 }
 
-/// Keeps the right answer of a check at the same option when list items move.
+/// Adjusts the right answer of a check when its options move, so that it stays at the same option.
 fn move_answer(study: &mut Value, list: &str, moved: impl Fn(usize) -> usize) {
     let Some(question) = list.strip_suffix(".options") else { return };
     let path = format!("{question}.answer");
@@ -86,7 +86,7 @@ fn move_answer(study: &mut Value, list: &str, moved: impl Fn(usize) -> usize) {
     }
 }
 
-/// An empty question for after the scenes.
+/// A new, empty question for the time after the last scene.
 pub(super) fn new_question(name: &str, kind: &str) -> Value {
     let mut question = json!({ "name": name, "kind": kind, "text": {}, "required": false });
     if kind == "choice" {
@@ -95,12 +95,12 @@ pub(super) fn new_question(name: &str, kind: &str) -> Value {
     question
 }
 
-/// An option of such a question.
+/// A new option of a question after the last scene.
 pub(super) fn new_option(value: &str) -> Value {
     json!({ "value": value, "text": {} })
 }
 
-/// An empty question of the check of understanding.
+/// A new, empty question for the check of understanding.
 pub(super) fn new_check() -> Value {
     json!({ "text": {}, "options": [{}, {}], "answer": 0 })
 }
@@ -129,7 +129,7 @@ mod tests {
             Edit::Insert("list".into(), 9, json!("c")),
             Edit::MoveUp("list".into(), 2),
             Edit::Remove("list".into(), 0),
-            // Buttons that were pressed twice.
+            // These happen if a button is pressed twice.
             Edit::MoveUp("list".into(), 7),
             Edit::MoveUp("list".into(), 0),
             Edit::Remove("list".into(), 7),

@@ -1,7 +1,7 @@
 //! The draft of a study, as a form and as the text of a study file.
 //!
-//! The text is the draft. The form shows the text, and the server turns input in the form back into
-//! text.
+//! The text is the draft. The form shows the text, and the server converts input in the form back
+//! to text.
 
 use super::Msg;
 use super::document::set;
@@ -21,7 +21,7 @@ type Node = view::Node<Msg>;
 /// How the draft is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::pages::lab) enum Mode {
-    /// As fields.
+    /// As the fields of a form.
     Form,
     /// As the text of a study file.
     Text,
@@ -36,20 +36,20 @@ pub(super) struct Editor {
     given: String,
     /// The draft as a form; `None` until the server has parsed the text.
     form: Option<FormState>,
-    /// Counts how often the form was filled: its fields are created anew each time.
+    /// Counts how often the form was filled. Each time, its fields are created anew.
     givings: u32,
-    /// Counts how often the text area was filled. It is not refilled while the user types and the
-    /// form follows.
+    /// Counts how often the text area was filled. It is not filled again when the user types in it
+    /// and the form is updated.
     text_givings: u32,
     mode: Mode,
     /// Whether the slug follows the title, until the user enters one.
     names_itself: bool,
-    /// Number of edits; its value at the last question to the server, and at the question answered
+    /// The number of edits so far, at the last request to the server, and at the request answered
     /// last.
     entered: u32,
     asked: u32,
     answered: u32,
-    /// Fields of the study that had errors, without nested fields; their sections stay open.
+    /// Top-level fields of the study that had errors. Their sections stay open.
     opened: Vec<String>,
     /// The server's last check of the draft.
     pub(super) checked: Option<DraftChecked>,
@@ -57,20 +57,20 @@ pub(super) struct Editor {
 
 /// Content of the form.
 struct FormState {
-    /// The study that its fields were filled with.
+    /// The study with which the form's fields were filled.
     given: Value,
-    /// The study with the user's input.
+    /// The study including the user's input.
     study: Value,
-    /// Whether it has input that is not in the text yet.
+    /// Whether the form contains input that is not in the text yet.
     is_ahead: bool,
     /// The language whose texts are shown.
     language: String,
-    /// The name of the control that gets the focus.
+    /// The name of the control to focus.
     focus: String,
 }
 
 impl Editor {
-    /// An editor without a draft.
+    /// Creates an editor without a draft.
     pub(super) fn new() -> Self {
         Self {
             begun: None,
@@ -111,7 +111,7 @@ impl Editor {
         self.mode
     }
 
-    /// Marks the draft as stored.
+    /// Marks the current draft as stored.
     pub(super) fn stored(&mut self) {
         self.begun = Some(self.text.clone());
     }
@@ -130,7 +130,7 @@ impl Editor {
         self.has_begun() && (is_other() || is_ahead() || !self.is_current())
     }
 
-    /// Warnings about a valid study that is incomplete.
+    /// Warnings about missing parts of a valid study.
     pub(super) fn warnings(&self) -> &[Remark] {
         self.checked.as_ref().map_or(&[], |checked| &checked.warnings)
     }
@@ -140,7 +140,7 @@ impl Editor {
         self.form.as_ref().is_some_and(|form| form.study["status"] == Status::Open.word())
     }
 
-    /// Whether `checked` is about the current draft.
+    /// Whether `checked` refers to the current draft.
     pub(super) fn is_current(&self) -> bool {
         self.answered == self.entered
     }
@@ -162,7 +162,7 @@ impl Editor {
         }
     }
 
-    /// Takes the server's check of the draft. Only the answer to the last question arrives.
+    /// Processes the server's check of the draft. Only the answer to the last request arrives.
     pub(super) fn take(&mut self, mut checked: DraftChecked) {
         self.answered = self.asked;
         let is_current = self.is_current();
@@ -176,7 +176,7 @@ impl Editor {
             }
         } else if is_current && !self.form.as_ref().is_some_and(|form| form.is_ahead) {
             match checked.config.take() {
-                // Fields with the same values stay.
+                // If the values are the same, the form's fields stay.
                 Some(config) if self.form.as_ref().is_some_and(|form| form.study == config) => {}
                 Some(config) => self.give_form(config),
                 None => self.form = None,
@@ -196,7 +196,7 @@ impl Editor {
         self.givings += 1;
     }
 
-    /// Shows the form or the text.
+    /// Switches to the form or to the text.
     pub(super) fn show(&mut self, mode: Mode) {
         self.mode = mode;
         self.show_text();
@@ -206,7 +206,7 @@ impl Editor {
         }
     }
 
-    /// Shows the texts of a language.
+    /// Shows the texts of this language in the form.
     pub(super) fn show_language(&mut self, language: String) {
         if let Some(form) = &mut self.form {
             form.focus = format!("language-{language}");
@@ -223,7 +223,7 @@ impl Editor {
                 Edit::Set(path, _) if path == "slug" => self.names_itself = false,
                 Edit::Set(path, title) if path == "title" && self.names_itself => {
                     let name = name_in_addresses(title.as_str().unwrap_or_default());
-                    // Its control shows the input already.
+                    // The user did not type the slug, so its control must be refilled from `given`.
                     for study in [&mut form.study, &mut form.given] {
                         name.iter().for_each(|name| set(study, "slug", name.as_str().into()));
                     }
@@ -236,7 +236,8 @@ impl Editor {
         }
     }
 
-    /// Handles an edit that changes the fields of the form, and focuses the control of that name.
+    /// Handles an edit that changes which fields the form has, and focuses the control with this
+    /// name.
     pub(super) fn rebuild(&mut self, edit: Edit, focus: String) {
         self.edit(edit);
         if let Some(form) = &mut self.form {
@@ -246,7 +247,7 @@ impl Editor {
         }
     }
 
-    /// Handles typed text.
+    /// Handles input in the text area.
     pub(super) fn type_text(&mut self, text: &str) {
         text.clone_into(&mut self.text);
         self.names_itself = false;
@@ -256,7 +257,7 @@ impl Editor {
         }
     }
 
-    /// The buttons that choose between form and text.
+    /// The buttons that switch between form and text.
     pub(super) fn modes(&self) -> Node {
         let mode = |mode: Mode, name: &str, words: &str| {
             button(&format!("as-{name}"), Msg::Show(mode))
@@ -271,7 +272,7 @@ impl Editor {
             .child(mode(Mode::Text, "text", "Study file (TOML)"))
     }
 
-    /// The form or the text.
+    /// The form or the text area.
     pub(super) fn view(&self, is_new: bool, may_manage: bool) -> Node {
         match self.mode {
             Mode::Form => self.form(is_new, may_manage),
@@ -311,7 +312,7 @@ impl Editor {
         Some(Form { fields, languages, is_new, givings, opened, picture })
     }
 
-    /// Labels of the form's controls, and the language whose texts it shows.
+    /// The labels of the form's controls, and the language whose texts the form shows.
     pub(super) fn labels(&self, is_new: bool, may_manage: bool) -> (Vec<(String, String)>, &str) {
         self.form_of(is_new, may_manage).map_or_else(Default::default, |form| {
             form.view();
@@ -335,8 +336,8 @@ impl Editor {
         el("div").class("as-text").child(about).child(area)
     }
 
-    /// A picture of the distribution of scenes. The form has it beside the settings that determine
-    /// it.
+    /// The picture of the distribution of scenes. The form has its own, beside the settings that
+    /// determine the distribution.
     pub(super) fn picture(&self) -> Option<Node> {
         let picture = picture(self.checked.as_ref()?)?;
         let section = el("section").child(el("h2").text("Scenes")).child(picture);
@@ -344,8 +345,8 @@ impl Editor {
     }
 }
 
-/// A slug for a study with this title: lower-case letters, digits and hyphens; `None` if the title
-/// contains no such letters or digits.
+/// Derives a slug (lower-case letters, digits and hyphens) from a title. Returns `None` if the
+/// title contains no suitable letters or digits.
 fn name_in_addresses(title: &str) -> Option<String> {
     let mut name = String::new();
     for letter in title.chars().flat_map(char::to_lowercase) {
@@ -372,7 +373,7 @@ fn name_in_addresses(title: &str) -> Option<String> {
     (!name.is_empty()).then(|| name.to_owned())
 }
 
-/// Largest number of characters in a slug.
+/// Maximum number of characters in a slug.
 const LONGEST_NAME: usize = 64;
 
 #[cfg(test)]

@@ -1,4 +1,5 @@
-//! The fields of the form: each has a path in the study, a label, and the server's remarks on it.
+//! The fields of the form. Each has a path in the study, a label, and the server's error message
+//! about it.
 
 use super::document::{flag, get, list, number, text};
 use super::{Edit, Msg};
@@ -11,18 +12,18 @@ use std::cell::RefCell;
 
 type Node = view::Node<Msg>;
 
-/// Data for the fields.
+/// What the fields are created from.
 pub(super) struct Fields<'a> {
     /// The study that the form was filled with. Input does not change it, so that nothing moves
     /// under the cursor.
     pub(super) given: &'a Value,
-    /// The study with the user's input.
+    /// The study including the user's input.
     pub(super) study: &'a Value,
-    /// The error in it.
+    /// The error in the study, if any.
     pub(super) complaint: Option<&'a Remark>,
     /// The language whose texts are shown.
     pub(super) language: &'a str,
-    /// The name of the control that gets the focus when the form has been rebuilt.
+    /// The name of the control to focus after the form was rebuilt.
     pub(super) focus: &'a str,
     pub(super) may_manage: bool,
     /// Path and label of each control, in the order of their creation.
@@ -30,13 +31,13 @@ pub(super) struct Fields<'a> {
 }
 
 impl Fields<'_> {
-    /// A single-line text.
+    /// A field for a single-line text.
     pub(super) fn line(&self, path: &str, label: &str, hint: &str) -> Node {
         let input = el("input").attr("type", "text").attr("value", text(self.given, path));
         self.labelled(path, label, "", hint, entered_text(input, path))
     }
 
-    /// A number in a unit.
+    /// A field for a number, with its unit.
     pub(super) fn number(&self, path: &str, label: &str, unit: &str, hint: &str) -> Node {
         let value = number(self.given, path).map_or_else(String::new, |number| number.to_string());
         let at = path.to_owned();
@@ -54,7 +55,7 @@ impl Fields<'_> {
         self.ticked(path, label, hint, flag(self.given, path), edit)
     }
 
-    /// A selection among several values with labels.
+    /// A selection list; `words` has the values and their labels.
     pub(super) fn choice(
         &self,
         path: &str,
@@ -78,15 +79,16 @@ impl Fields<'_> {
         el("select").children(words.iter().map(option))
     }
 
-    /// A button that changes the set of fields; `focus` names the control that then gets the focus.
+    /// A button that changes which fields the form has. `focus` names the control that is then
+    /// focused.
     pub(super) fn button(&self, name: &str, edit: Edit, focus: &str) -> Node {
         let button = button(name, Msg::Rebuild(edit, focus.to_owned()));
         let button = button.attr_if(!self.may_manage, "disabled", "");
         if self.focus == name { button.focus() } else { button }
     }
 
-    /// A button that adds an item to a list. The focus goes to the item's field `first`, such as
-    /// `.name`.
+    /// A button that adds an item to a list. Afterwards, the item's field `first` (such as `.name`)
+    /// is focused.
     pub(super) fn add(&self, to: &str, words: &str, new: Value, first: &str) -> Node {
         let at = list(self.given, to).len();
         let focus = format!("field-{to}[{at}]{first}");
@@ -98,7 +100,7 @@ impl Fields<'_> {
     pub(super) fn entry_buttons(&self, of: &str, i: usize, noun: &str) -> Node {
         let up = (i > 0).then(|| {
             let focus = format!("up-{of}[{}]", i - 1);
-            // The first item has no such button.
+            // The first item has no button to move it up.
             let focus = if i > 1 { focus } else { format!("remove-{of}[0]") };
             self.button(&format!("up-{of}[{i}]"), Edit::MoveUp(of.to_owned(), i), &focus)
                 .class("plain")
@@ -117,7 +119,7 @@ impl Fields<'_> {
         el("div").class("entry-buttons").children(up).child(remove)
     }
 
-    /// A check box that changes the set of fields or their content.
+    /// A check box that changes which fields the form has, or their content.
     pub(super) fn ticked(
         &self,
         path: &str,
@@ -137,7 +139,7 @@ impl Fields<'_> {
         self.with_complaint(el("div").class("field wide").child(label), path, hint)
     }
 
-    /// The kind of a question, which determines its other fields.
+    /// The kind of a question. It determines which other fields the question has.
     pub(super) fn kind(&self, path: &str, label: &str, words: &[(&str, &str)]) -> Node {
         let at = path.to_owned();
         let select = self.select(path, words).on_input(move |entered| {
@@ -162,7 +164,7 @@ impl Fields<'_> {
         self.labelled(path, label, "", hint, input)
     }
 
-    /// A text in the current language.
+    /// A field for a text in the current language.
     pub(super) fn localised(&self, path: &str, label: &str, hint: &str) -> Node {
         let path = format!("{path}.{}", self.language);
         let input = el("input").attr("type", "text").attr("value", text(self.given, &path));
@@ -170,7 +172,7 @@ impl Fields<'_> {
         self.labelled(&path, label, "", hint, entered_translation(input, &path))
     }
 
-    /// A longer text in the current language.
+    /// A field for a longer text in the current language.
     pub(super) fn markdown(&self, path: &str, label: &str, hint: &str) -> Node {
         let path = format!("{path}.{}", self.language);
         let area = el("textarea").attr("rows", 6).attr("lang", self.language);
@@ -178,7 +180,7 @@ impl Fields<'_> {
         self.labelled(&path, label, "", hint, area)
     }
 
-    /// A fact: one text for all languages, or one in the current language.
+    /// A fact about the study: one text for all languages, or a text in the current language.
     pub(super) fn fact(&self, path: &str, label: &str, hint: &str) -> Node {
         match get(self.given, path) {
             Some(Value::Object(_)) => self.localised(path, label, hint),
@@ -222,7 +224,7 @@ impl Fields<'_> {
         }))
     }
 
-    /// The error in a field or in one nested in it, without the field's path.
+    /// The error message for a field or for a field nested in it, without the field's path.
     pub(super) fn complaint_within(&self, path: &str) -> Option<String> {
         let complaint = self.complaint?;
         let field = complaint.field.as_deref()?;
@@ -230,12 +232,12 @@ impl Fields<'_> {
             let rest = field.strip_prefix(path);
             rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
         };
-        // If a text is missing in every language, the path ends before the language.
+        // If a text is missing in every language, the error's path ends before the language.
         let is_missing = || is_within(&format!("{field}.{}", self.language));
         (is_within(field) || is_missing()).then(|| sentence(complaint, field))
     }
 
-    /// The error in a whole section, such as `encounters`, but in none of its fields.
+    /// The error message for a whole section, such as `encounters`, but not for one of its fields.
     pub(super) fn complaint_about(&self, path: &str) -> Option<String> {
         let complaint = self.complaint?;
         let field = complaint.field.as_deref().filter(|field| *field == path)?;
@@ -243,19 +245,20 @@ impl Fields<'_> {
     }
 }
 
-/// The text of a complaint, without the field's path.
+/// The error message as a sentence, without the field's path.
 fn sentence(complaint: &Remark, field: &str) -> String {
     let mut letters = without_path(&complaint.message, field).chars();
     let first = letters.next().map(char::to_uppercase).into_iter().flatten();
     first.chain(letters).collect()
 }
 
-/// A remark on a field, without its path.
+/// The text of a remark without the field's path.
 pub(super) fn without_path<'a>(said: &'a str, field: &str) -> &'a str {
     said.strip_prefix(field).and_then(|rest| rest.strip_prefix(": ")).unwrap_or(said)
 }
 
-/// The name of a field in the form: the label of its control, or of the enclosing one.
+/// The name of a field in the form, which is the label of its control or of the closest enclosing
+/// one.
 pub(super) fn name_of(labels: &[(String, String)], field: &str, language: &str) -> Option<String> {
     let missing = format!("{field}.{language}");
     let mut found: Option<&(String, String)> = None;
@@ -274,13 +277,13 @@ pub(super) fn name_of(labels: &[(String, String)], field: &str, language: &str) 
     };
     let question = place("questions[").map(|n| format!("Question {n}"));
     let option = place("options[").map(|n| format!("option {n}"));
-    // The text of a question or option is named only by its position.
+    // For the text of a question or option, the position alone is the name.
     let label = Some(label.clone()).filter(|label| label != "Question" && label != "Option");
     let parts: Vec<String> = [question, option, label].into_iter().flatten().collect();
     Some(parts.join(", "))
 }
 
-/// A number as in a study file: an integer if it is whole.
+/// A number as a study file has it: an integer if the number is whole.
 fn tidy(number: f64) -> Value {
     let is_whole = number.fract() == 0.0 && number.abs() < 9e15;
     if is_whole { json!(number as i64) } else { json!(number) }
@@ -295,7 +298,7 @@ fn entered_text(input: Node, path: &str) -> Node {
     input.on_input(move |entered| Msg::Edit(Edit::Set(at.clone(), entered.text().into())))
 }
 
-/// A language without a text has no entry.
+/// If the text is deleted, the language's entry is removed as well.
 fn entered_translation(input: Node, path: &str) -> Node {
     let at = path.to_owned();
     input.on_input(move |entered| {

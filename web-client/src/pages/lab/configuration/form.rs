@@ -1,4 +1,4 @@
-//! The form of a study: the fields of a study file, in sections.
+//! The form of a study, which shows the fields of a study file in sections.
 
 use super::document::{flag, get, list, number, text};
 use super::edit::new_check;
@@ -12,16 +12,16 @@ use sidestep::api::DraftChecked;
 
 type Node = view::Node<Msg>;
 
-/// The form and its data.
+/// The form, and what it is created from.
 pub(super) struct Form<'a> {
     pub(super) fields: Fields<'a>,
-    /// The languages that the server has.
+    /// The languages that the server supports.
     pub(super) languages: &'a [String],
     /// Whether the study is new, so that its slug can still be chosen.
     pub(super) is_new: bool,
-    /// Counts how often the form was filled: the fields are created anew each time.
+    /// Counts how often the form was filled. Each time, its fields are created anew.
     pub(super) givings: u32,
-    /// The sections that had errors: they stay open.
+    /// The sections that had errors. They stay open.
     pub(super) opened: &'a [String],
     /// The picture of the distribution of scenes.
     pub(super) picture: Option<Node>,
@@ -41,7 +41,7 @@ const PHASES: [(&str, &str, u32); 3] =
     [("familiarisation", "Familiarisation", 6), ("practice", "Practice", 3), ("task", "Tasks", 50)];
 
 impl Form<'_> {
-    /// The form.
+    /// The whole form.
     pub(super) fn view(&self) -> Node {
         let sections = [
             self.about(),
@@ -163,7 +163,7 @@ impl Form<'_> {
         let place = |phase: &str| driven.iter().position(|it| text(it, "phase") == phase);
         let rows = PHASES.iter().enumerate().map(|(i, &(phase, name, scenes))| {
             let there = place(phase);
-            // Keeps the order of the phases, whichever are present.
+            // Keeps the order of the phases, no matter which of them are present.
             let at = PHASES[..i].iter().filter(|(before, ..)| place(before).is_some()).count();
             let include = fields.ticked(
                 &format!("phases.{phase}"),
@@ -202,7 +202,7 @@ impl Form<'_> {
         }
     }
 
-    /// A summary of the driving.
+    /// A summary of how much participants drive.
     fn driving(&self) -> String {
         let study = self.study();
         let phases = list(study, "phases");
@@ -508,26 +508,26 @@ impl Form<'_> {
     }
 }
 
-/// The languages for a study's texts: those it names, otherwise all that the server has.
+/// The languages for a study's texts: those that it names, otherwise all that the server supports.
 pub(super) fn offered<'a>(study: &'a Value, all: &'a [String]) -> Vec<&'a str> {
     let named: Vec<_> = list(study, "languages").iter().filter_map(Value::as_str).collect();
     if named.is_empty() { all.iter().map(String::as_str).collect() } else { named }
 }
 
-/// Options for what follows a wrong answer in the check of understanding.
+/// The options for what happens after a wrong answer in the check of understanding.
 const AFTER_WRONG: [(&str, &str); 3] = [
     ("mark", "each answer is marked as right or wrong"),
     ("renew", "other questions and orders, without saying which was wrong"),
     ("reread", "the same, after the instructions again"),
 ];
 
-/// Length of a scene, s.
+/// Duration of a scene (s).
 fn scene_s(study: &Value) -> f64 {
     let of = |field: &str| number(study, field).unwrap_or_default();
     of("parameters.step_s") * of("parameters.steps")
 }
 
-/// The distribution of scenes.
+/// The picture of the distribution of scenes.
 pub(super) fn picture(checked: &DraftChecked) -> Option<Node> {
     let svg = checked.picture.as_ref()?;
     Some(el("div").class("design").attr("tabindex", 0).test_id("design").html(svg))

@@ -1,11 +1,11 @@
-//! The links for participants, for each recruiting service.
+//! The links for participants, with one for each recruiting service.
 
 use super::Msg;
 use crate::view::{self, el};
 use sidestep::api::StudyInfo;
 
-/// For each service: the parameter with a person's id, the service's name, and the query of its
-/// links.
+/// For each service: the parameter with a person's id, the name of the service, and the query of
+/// its links.
 const SERVICES: [(&str, &str, &str); 3] = [
     (
         "PROLIFIC_PID",
@@ -16,7 +16,8 @@ const SERVICES: [(&str, &str, &str); 3] = [
     ("workerId", "MTurk: the worker’s id at the end", "workerId="),
 ];
 
-/// A link for everybody, if the study requires no id, and one for each service whose id it accepts.
+/// The links: one for everybody, if the study does not require an id, and one for each id parameter
+/// that the study accepts.
 pub(super) fn links(origin: &str, study: &StudyInfo) -> view::Node<Msg> {
     let address = format!("{origin}/s/{}", study.slug);
     let everybody =

@@ -9,10 +9,11 @@ use sidestep::api::{DraftChecked, Remark};
 
 type Node = view::Node<Msg>;
 
-/// Largest number of warnings shown.
+/// Maximum number of warnings shown.
 const MOST_WARNINGS: usize = 3;
 
-/// The part beside the draft: remarks, differences, and the buttons that store it.
+/// The part beside the draft: the server's remarks, the differences, and the buttons that store the
+/// draft.
 pub(super) fn said(page: &ConfigurationPage) -> Vec<Node> {
     let Some(checked) = &page.editor.checked else {
         return vec![el("p").class("quiet").attr("role", "status").text("Checking…")];
@@ -32,7 +33,8 @@ pub(super) fn said(page: &ConfigurationPage) -> Vec<Node> {
     if !page.may_manage || !page.is_changed() {
         return said;
     }
-    // The last input must have been checked: only then has the form been turned into text.
+    // Storing requires that the last input was checked, because only the check converts the form to
+    // text.
     let is_sound = checked.complaint.is_none() && page.editor.is_current();
     let store = |words: &str| {
         button("store", Msg::Store).class("primary").attr_if(!is_sound, "disabled", "").text(words)
@@ -73,7 +75,7 @@ pub(super) fn said(page: &ConfigurationPage) -> Vec<Node> {
     said
 }
 
-/// Names of fields: as in the form, if that is shown, otherwise as in the study file.
+/// The names of fields: as in the form if the form is shown, otherwise as in the study file.
 struct Names<'a> {
     labels: Vec<(String, String)>,
     language: &'a str,
@@ -88,7 +90,7 @@ impl<'a> Names<'a> {
         Self { labels, language }
     }
 
-    /// A remark with the name of its field instead of the path.
+    /// The text of a remark, with the name of the field instead of its path.
     fn said(&self, remark: &Remark) -> String {
         let named = remark
             .field
@@ -101,7 +103,7 @@ impl<'a> Names<'a> {
     }
 }
 
-/// Errors and notes, by line or by field.
+/// The error or the warnings, by line or by field.
 fn remarks(checked: &DraftChecked, mode: Mode, names: &Names<'_>) -> Vec<Node> {
     let remark = |remark: &Remark| {
         let line = remark.line.filter(|_| mode == Mode::Text);
@@ -131,7 +133,7 @@ fn remarks(checked: &DraftChecked, mode: Mode, names: &Names<'_>) -> Vec<Node> {
     remarks
 }
 
-/// The differences from the stored configuration.
+/// The differences between the draft and the stored configuration.
 fn changes(checked: &DraftChecked) -> Option<Node> {
     if checked.complaint.is_some() {
         return None;

@@ -1,4 +1,5 @@
-//! Questions in the form: those after the last scene, and those of the check of understanding.
+//! Questions in the form: the questions after the last scene, and those of the check of
+//! understanding.
 
 use super::document::{list, number, text};
 use super::edit::new_option;
@@ -13,7 +14,7 @@ type Node = view::Node<Msg>;
 const KINDS: [(&str, &str); 3] =
     [("text", "free text"), ("choice", "one of several options"), ("scale", "a number on a scale")];
 
-/// A question after the last scene.
+/// The fields of a question after the last scene.
 pub(super) fn question(fields: &Fields<'_>, i: usize, question: &Value) -> Node {
     let path = format!("questions[{i}]");
     let of = |field: &str| format!("{path}.{field}");
@@ -54,7 +55,7 @@ pub(super) fn question(fields: &Fields<'_>, i: usize, question: &Value) -> Node 
     entry(fields, "questions", i, inside)
 }
 
-/// A question of the check of understanding.
+/// The fields of a question of the check of understanding.
 pub(super) fn check(fields: &Fields<'_>, i: usize, options: usize) -> Node {
     let path = format!("comprehension.questions[{i}]");
     let right = number(fields.given, &format!("{path}.answer"));

@@ -1,4 +1,5 @@
-//! Whether people can take part in a study, how to change that, and the links for them.
+//! Whether people can take part in a study, the buttons that change this, and the links for
+//! participants.
 
 use super::{ConfigurationPage, Msg, links};
 use crate::pages::lab::participants;
@@ -9,7 +10,7 @@ use sidestep::study::Status;
 
 type Node = view::Node<Msg>;
 
-/// The section on who can take part.
+/// The section about who can take part.
 pub(super) fn taking_part(page: &ConfigurationPage, study: &StudySummary) -> Node {
     let is_full = page.info.as_ref().is_some_and(|info| info.admission == Admission::Full);
     let words = match study.status {
@@ -29,9 +30,9 @@ pub(super) fn taking_part(page: &ConfigurationPage, study: &StudySummary) -> Nod
         Status::Archived => "Nothing more is stored. The study can still be viewed.",
     };
     let choice = |status: Status, words: &str| {
-        // It is not known yet whether anything is missing.
+        // Before the first check, it is not known whether anything is missing.
         let is_early = status == Status::Open && page.editor.checked.is_none();
-        // The stored configuration is reloaded afterwards, so edits in progress must not be lost.
+        // Changing the status reloads the stored configuration, so edits in progress would be lost.
         button(&format!("set-{}", status.word()), Msg::Set(status))
             .attr_if(is_early || page.is_changed(), "disabled", "")
             .text(words)
@@ -58,8 +59,8 @@ pub(super) fn taking_part(page: &ConfigurationPage, study: &StudySummary) -> Nod
     section.children(links.map(|info| links::links(&page.origin, info)))
 }
 
-/// The list of missing parts, while opening the study waits for a second press of the button
-/// `anyway`.
+/// The list of missing parts, while the user must confirm to open the study. `anyway` is the
+/// message of the button that confirms.
 pub(super) fn opening(page: &ConfigurationPage, anyway: Msg) -> Option<Node> {
     let missing = page.editor.warnings().iter();
     let missing = missing.map(|warning| el("li").text(&warning.message));

@@ -7,10 +7,10 @@ use sidestep::api::ConfigurationVersion;
 
 type Node = view::Node<Msg>;
 
-/// Largest number of fields named in a row.
+/// Maximum number of fields named in a row.
 const MOST_NAMED: usize = 6;
 
-/// All versions, newest first.
+/// A table of all versions, newest first.
 pub(super) fn versions(versions: &[ConfigurationVersion]) -> Node {
     let about = el("p").class("quiet").text(
         "A change makes a new version for new participants; participants who have begun keep theirs. \

@@ -1,4 +1,4 @@
-//! Selection of participants, as in the addresses of the page and of the server's list.
+//! The selection of participants, as in the page's address and in the query of the server's list.
 
 use crate::runtime::{Address, encoded};
 use sidestep::api::Stage;
@@ -9,24 +9,24 @@ pub(super) const PAGE_LENGTH: u64 = 50;
 /// Selection and order of participants.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Selection {
-    /// Only those at this stage.
+    /// Only participants at this stage.
     pub(super) stage: Option<Stage>,
-    /// Only those with this flag, by its word; all if empty.
+    /// Only participants with this flag, by its word. Empty for all.
     pub(super) having: String,
-    /// The search text; all if empty.
+    /// The search text. Empty for all.
     pub(super) search: String,
-    /// The word of the sort column; if empty, sorted by participant's number.
+    /// The word of the column to sort by. If empty, the list is sorted by participant number.
     pub(super) sort: String,
-    /// Descending order.
+    /// Whether the order is descending.
     pub(super) descending: bool,
-    /// Number of participants before the page.
+    /// Number of participants before the current page.
     pub(super) offset: u64,
-    /// Test runs instead of participants.
+    /// Whether test runs are shown instead of participants.
     pub(super) pilots: bool,
 }
 
 impl Selection {
-    /// The selection in the address of the page.
+    /// The selection in the page's address.
     pub(super) fn of(address: &Address) -> Self {
         let text = |name: &str| address.parameter(name).unwrap_or_default().to_owned();
         Self {
@@ -40,7 +40,7 @@ impl Selection {
         }
     }
 
-    /// The query of the server's list, and of the page's own address.
+    /// The query for the server's list, which is also the query of the page's own address.
     pub(super) fn query(&self) -> String {
         let mut query = format!("limit={PAGE_LENGTH}");
         let mut add = |name: &str, value: &str| {
@@ -63,7 +63,8 @@ impl Selection {
         self.stage.is_some() || !self.having.is_empty() || !self.search.is_empty()
     }
 
-    /// Sorts by a column in descending order, or reverses the order if it is sorted by it already.
+    /// Sorts by a column in descending order. If the list is already sorted by this column,
+    /// reverses the order.
     pub(super) fn sort_by(&mut self, column: &str) {
         self.descending = self.sort != column || !self.descending;
         self.sort = column.to_owned();

@@ -10,9 +10,9 @@ type Node = view::Node<Msg>;
 
 /// A flag for the experimenter's attention.
 pub(super) struct Look {
-    /// Its word in the server's list.
+    /// The flag's word in the server's list.
     pub(super) word: &'static str,
-    /// Its name.
+    /// The flag's name.
     pub(super) words: &'static str,
     meaning: &'static str,
     tasks: fn(&Quality) -> u32,
@@ -89,8 +89,8 @@ pub(in super::super) fn stage_words(stage: Stage) -> &'static str {
     }
 }
 
-/// The participants of a page. External ids and codes are shown only to users who may download
-/// data.
+/// The table with the participants of a page. Only users who may download data see external ids and
+/// codes.
 pub(super) fn table(page: &ParticipantPage, selection: &Selection, identities: bool) -> Node {
     let sort = if selection.sort.is_empty() { "number" } else { &selection.sort };
     let column = |words: &'static str, word: &'static str| {
@@ -198,7 +198,7 @@ pub(in super::super) fn looks<M>(quality: &Quality) -> impl Iterator<Item = view
     })
 }
 
-/// Explains the flags in “To look at”.
+/// Explains the flags in the column “To look at”.
 pub(super) fn meanings() -> Node {
     let meaning =
         |look: &Look| el("div").child(el("dt").text(look.words)).child(el("dd").text(look.meaning));

@@ -1,5 +1,5 @@
-//! A trial as a small picture: both paths, the robot's danger zone at the closest approach, and the
-//! inputs as a strip.
+//! A trial as a small picture. It shows both paths, the robot's danger zone at the closest
+//! approach, and the inputs as a strip.
 
 use super::Msg;
 use crate::pages::parts;
@@ -9,16 +9,16 @@ use sidestep::vehicle::TurnInput;
 
 type Node = view::Node<Msg>;
 
-/// Width and height of a picture, px.
+/// Width and height of a picture (px).
 const SIZE: [f64; 2] = [168.0, 108.0];
 
-/// Height of the strip of inputs, px.
+/// Height of the strip of inputs (px).
 const STRIP: f64 = 10.0;
 
-/// Margin around the paths, m.
+/// Margin around the paths (m).
 const MARGIN_M: f64 = 1.5;
 
-/// The picture, its numbers and a link to the replay.
+/// The picture of a trial with its numbers and a link to the replay.
 pub(super) fn card(trial: &TrialPicture, danger_radius_m: f64) -> Node {
     let summary = &trial.summary;
     let scene = summary.scene_words();
@@ -65,7 +65,7 @@ fn picture(trial: &TrialPicture, danger_radius_m: f64) -> Node {
     let room = height - STRIP - 4.0;
     let scale = (width / (high[0] - low[0])).min(room / (high[1] - low[1]));
     let scale = if scale.is_finite() { scale } else { 1.0 };
-    // Centred in the picture, with y upwards.
+    // Maps positions to the picture: centred, with y upwards.
     let middle = [0, 1].map(|axis| 0.5 * (low[axis] + high[axis]));
     let place = |[x, y]: [f64; 2]| {
         [0.5 * width + scale * (x - middle[0]), 0.5 * room - scale * (y - middle[1])]
@@ -106,7 +106,7 @@ fn picture(trial: &TrialPicture, danger_radius_m: f64) -> Node {
         .children(strip(&trial.inputs.0))
 }
 
-/// The inputs over time: left above the line, right below it.
+/// The strip of inputs over time. Left turns are above the axis, right turns below it.
 fn strip(inputs: &[TurnInput]) -> Vec<Node> {
     let [width, height] = SIZE;
     let step = width / inputs.len().max(1) as f64;

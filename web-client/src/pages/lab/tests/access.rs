@@ -1,4 +1,4 @@
-//! The keys and the audit trail.
+//! Tests of the keys and the audit trail.
 
 use super::*;
 use sidestep::api::{Action, AuditEntry, AuditPage, KeyMade, KeySummary};

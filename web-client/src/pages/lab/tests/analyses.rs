@@ -1,4 +1,4 @@
-//! Starting, watching and reading analyses.
+//! Tests of starting, watching and reading analyses.
 
 use super::studies::study;
 use super::*;

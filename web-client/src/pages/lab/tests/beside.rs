@@ -1,4 +1,5 @@
-//! Predictors in a replay: baselines, files, models of other studies, and two side by side.
+//! Tests of the predictors in a replay: baselines, files, models of other studies, and two
+//! predictors side by side.
 
 use super::analyses::{analysis, list};
 use super::explorer::usual;
@@ -36,7 +37,7 @@ fn baselines_need_no_server_and_are_in_the_link() {
         assert_eq!(session.link(), format!("/lab/replay/t?predictor={way}"));
         assert_eq!(session.urls().len(), asked, "{way}");
     }
-    // Every drive stays inside the worst case: one set, with every reachable state.
+    // Every trajectory stays inside the worst case, which is one set with every reachable state.
     let words = session.words("regions").unwrap();
     assert!(words.contains("F 1 1.00 5.33") && !words.contains("F 2"), "{words}");
     session.choose("choose-predictor", "");
@@ -125,7 +126,7 @@ fn two_predictors_side_by_side_have_one_clock_and_one_link() {
     assert_eq!(shown.canvas, "replay-beside");
     let step = shown.attributes.iter().find(|(name, _)| *name == "data-step");
     assert_eq!(step.map(|(_, value)| value.as_str()), Some("12"));
-    // The same layers, but other sets.
+    // It has the same layers, but other sets.
     let first = session.picture().unwrap();
     assert_eq!(first.shapes().len(), shown.shapes().len());
     let numbers = session.words("numbers-beside").unwrap();
@@ -134,7 +135,7 @@ fn two_predictors_side_by_side_have_one_clock_and_one_link() {
     assert!(numbers.contains("straight 100 %"), "{numbers}");
     assert_eq!(right(&session).as_deref(), Some("90 %"), "the first one is as it was");
 
-    // Each has its own predictor.
+    // Each pane has its own predictor.
     session.choose("choose-predictor-beside", "a1/models/dt-1-hrd-1.json");
     let asked = "?analysis=a1&file=models%2Fdt-1-hrd-1.json";
     let asked = format!("{}{asked}", routes::admin_predictor("t"));
@@ -153,7 +154,7 @@ fn two_predictors_side_by_side_have_one_clock_and_one_link() {
     session.choose("choose-predictor-beside", "constant");
     assert_eq!(session.link(), format!("{both}&t=2.4"));
 
-    // Both are saved, in one picture.
+    // Both pictures are saved, as one picture.
     session.press("save-svg");
     session.press("save-png");
     for (_, content) in &session.files {
@@ -205,7 +206,7 @@ fn models_of_other_people_and_studies_are_found_by_words() {
     assert!(session.words("finder-count").unwrap().contains("1 model."));
     session.press("found-model");
     assert_eq!(session.link(), "/lab/replay/t?analysis=a1&file=models%2Flr-1-hrd-2.json");
-    // Another participant, another study.
+    // Choose another participant, then another study.
     session.choose("finder-participant", "2");
     assert_eq!(session.urls().last(), Some(&format!("{asked}&participant=2").as_str()));
     session.unreachable("finder-models");
@@ -218,7 +219,7 @@ fn models_of_other_people_and_studies_are_found_by_words() {
     assert!(session.words("finder").is_none());
 }
 
-/// Sets learned from six tasks, as the server sends them, with its counts over the others.
+/// Sets learned from six tasks, as the server sends them, with its counts over the other tasks.
 fn learned_sets(family: EmpiricalFamily) -> LearnedSets {
     let drives = usual();
     let task = |drive: &Drive| drive.trajectory(&drives.parameters).unwrap();
@@ -230,8 +231,8 @@ fn learned_sets(family: EmpiricalFamily) -> LearnedSets {
     LearnedSets { sets: fitted.sets, trials: 6, held }
 }
 
-/// Sets learned from recorded futures have levels instead of ε, no probabilities of inputs, and
-/// counts over the tasks that did not train them.
+/// Sets learned from recorded futures have levels instead of ε and no probabilities of inputs.
+/// Their counts are over the tasks that did not train them.
 #[test]
 fn learned_sets_say_their_levels_and_no_inputs() {
     for (family, level) in [
@@ -269,7 +270,7 @@ fn learned_sets_say_their_levels_and_no_inputs() {
             let row = format!("F {j} {:.2} {:.2}", set.level, set.area_m2);
             assert!(numbers.contains(&row), "{numbers}: {row}");
         }
-        // The picture has them at the human's position: every corner of every set.
+        // At the human's position, the picture shows every corner of every set.
         let shown = beside(&session).unwrap();
         let painted = |piece: &[[f64; 2]]| {
             shown.shapes().iter().any(|shape| match shape {
@@ -280,7 +281,7 @@ fn learned_sets_say_their_levels_and_no_inputs() {
         for piece in sets.sets().iter().flat_map(|set| &set.tube).filter(|it| !it.is_empty()) {
             assert!(painted(piece), "{way}");
         }
-        // The strip has no probabilities, because it shows those of the first pane.
+        // The strip has no probabilities, because it shows those of the first pane, which has none.
         session.choose("choose-predictor", way);
         session.send("predictor", 200, &learned_sets(family));
         session.press("numbers-switch");
@@ -308,7 +309,7 @@ fn sets_that_cannot_be_learned_are_refused_in_a_sentence() {
     assert_eq!(right(&session).as_deref(), Some("33 %"));
 }
 
-/// Learned sets need no safety levels, so they appear before those are solved.
+/// Learned sets need no safety levels, so they appear before the safety levels are solved.
 #[test]
 fn learned_sets_do_not_wait_for_safety_levels() {
     let mut session = signed_in("/lab/replay/t?predictor=empirical");

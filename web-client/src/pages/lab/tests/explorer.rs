@@ -1,4 +1,4 @@
-//! The explorer of predicted sets, with an evaluator that runs in the test.
+//! Tests of the explorer of predicted sets, with an evaluator that runs in the test.
 
 mod beside;
 
@@ -15,7 +15,7 @@ use sidestep::shfrs::tuning::{Parts, Split};
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
 use sidestep::shfrs::window_sets::Prediction;
 
-/// Twelve tasks with a turn each, at different times and to different sides.
+/// Twelve tasks with one turn each, at different times and to different sides.
 fn drives(parameters: SceneParameters, id: Option<String>) -> Drives {
     let scenes = generate(&parameters, &EncounterRange::default(), 12, 3).unwrap();
     let drive = |(i, (scene, _)): (usize, (Scene, _))| {
@@ -48,7 +48,7 @@ pub(super) fn usual() -> Drives {
     drives(SceneParameters::default(), Some(exact().id()))
 }
 
-/// The explorer at this address, with tasks and value function.
+/// The explorer at this address, once the tasks and the value function have arrived.
 fn arrived(path: &str) -> Session {
     let mut session = signed_in(path);
     session.send("drives", 200, &usual());
@@ -56,7 +56,7 @@ fn arrived(path: &str) -> Session {
     session
 }
 
-/// The same, with the predictor trained here and all tasks counted.
+/// The explorer at this address, once the predictor is trained and all tasks are counted.
 fn opened(path: &str) -> Session {
     let mut session = arrived(path);
     session.evaluate("evaluator");
@@ -70,14 +70,15 @@ impl Session {
         (0..).map_while(area).collect()
     }
 
-    /// The link, after its update.
+    /// The link, after it was updated.
     fn linked(&mut self) -> String {
         self.wake("link");
         self.visited.last().cloned().unwrap_or_default()
     }
 }
 
-/// The command line's predictor for the same tasks, the tasks, and their split.
+/// Passes on the predictor that the command line would train on the same tasks, with the tasks and
+/// their split.
 fn at_the_command_line<T>(
     work: impl FnOnce(Prediction<'_, PredictedHuman<'_>>, &Parts, &[Trajectory]) -> T,
 ) -> T {
@@ -99,7 +100,7 @@ fn at_the_command_line<T>(
     work(Prediction::new(&drives.parameters, &human), &parts, &trajectories)
 }
 
-/// The command line's counts of how often the future is inside the sets.
+/// How often the future is inside the sets, counted as the command line does.
 fn counted_at_the_command_line(file: &ShfrsFile) -> Vec<String> {
     at_the_command_line(|prediction, parts, trajectories| {
         let sample = parts.sample(trajectories);
@@ -205,7 +206,7 @@ fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
         ("2,2,1,1,1,1,1,1,1,4", "k of step 10: expected a whole number from 1 to 3, found 4", true),
         ("2,2", "k: expected 10 entries, found 2 entries", true),
         ("2,2,1,1,1,1,1,1,1,1", "", true),
-        // Unreadable input changes nothing.
+        // Input that cannot be read changes nothing.
         ("2;2", "k: expected whole numbers", false),
     ] {
         session.choose("k", k);
@@ -222,7 +223,7 @@ fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
             "{k}"
         );
     }
-    // The same holds for a link.
+    // The same holds for settings in a link.
     let link = "/lab/explorer/p?T=20&eps=0.59,0.39,1";
     let mut session = opened(link);
     let said = session.words("complaint").unwrap();
@@ -233,7 +234,7 @@ fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
         "Nothing is predicted with these settings."
     );
     assert!(session.page.view().find("tune").unwrap().attribute("disabled").is_some());
-    // A slider pushes its neighbours, which resolves the conflict.
+    // A slider pushes the sliders of the neighbouring sets, which resolves the conflict.
     session.slide("epsilon-1", 0.6);
     session.evaluate("evaluator");
     assert_eq!(session.words("complaint"), None);
@@ -245,8 +246,8 @@ fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
     let mut session = opened("/lab/explorer/p");
     session.press("preset-0");
     assert_eq!((session.words("complaint"), session.areas()), (None, before.0));
-    // Both one step and a hundred can be predicted; a hundred cannot be counted on tasks of fifty
-    // steps.
+    // One step and a hundred steps can both be predicted. A hundred steps cannot be counted on
+    // tasks of fifty steps.
     session.slide("steps", 1.0);
     session.evaluate("evaluator");
     assert!(session.words("p-0").unwrap().contains("0."));
@@ -255,7 +256,7 @@ fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
     let said = session.words("not-counted").unwrap();
     assert!(said.contains("Steps ahead, T: expected at most 50"), "{said}");
     assert!(session.areas()[4].parse::<f64>().unwrap() > 100.0);
-    // Nor can sets whose last one does not contain everything.
+    // Sets whose last one does not contain everything cannot be counted either.
     session.slide("steps", 10.0);
     session.slide("epsilon-4", 0.5);
     session.evaluate("evaluator");
@@ -281,7 +282,8 @@ fn a_newer_question_takes_the_place_of_an_older_one() {
     for hundredths in 1..=300 {
         session.slide("epsilon-0", f64::from(hundredths % 15) / 100.0);
     }
-    // The evaluator answers only the last of three hundred questions, and the link changes once.
+    // The evaluator answers only the last of three hundred questions, and the link is updated only
+    // once.
     session.evaluate("evaluator");
     let (evaluation, _) = session.evaluators.get_mut("evaluator").unwrap();
     assert!(!evaluation.work(&mut |_| {}) && evaluation.report().is_none());
@@ -300,7 +302,7 @@ fn settings_go_into_a_file_and_come_back() {
     assert_eq!(name, "shfrs-settings.json");
     let file: ShfrsFile = serde_json::from_slice(&content).unwrap();
     assert_eq!((file.steps, file.tau), (2, Some(0.3)));
-    // A preset leaves the roll-outs unchanged. Invalid settings cannot be saved.
+    // A preset leaves the roll-outs unchanged. Settings that are not valid cannot be saved.
     session.choose("rollout", "paper");
     session.press("preset-1");
     session.press("save");
@@ -357,7 +359,7 @@ fn models_of_an_analysis_count_what_did_not_train_them() {
     session.evaluate("evaluator");
     assert!(session.words("counted-words").unwrap().contains("of 12 tasks"));
     assert!(session.linked().contains("analysis=a&file=model.json"));
-    // The same holds for one with other actions or features.
+    // The same holds for a model with other actions or features.
     let five =
         Predictor::constant(FeatureSet::none(), vec![-2, -1, 0, 1, 2], vec![0.2; 5]).unwrap();
     let five = TrainedPredictor { predictor: PredictorFile::from(&five), ..answer.clone() };
@@ -373,7 +375,7 @@ fn models_of_an_analysis_count_what_did_not_train_them() {
         assert!(said.contains(words), "{said}");
         assert!(session.areas().iter().all(|area| area == "—"));
     }
-    // For a model that no longer exists an error is shown, and no sets of another one.
+    // For a model that does not exist, an error is shown, and no sets of another model.
     session.choose("choose-predictor", "a/other.json");
     session.answer("predictor", 404, br#"{"code":"not_found","message":"there is no such model"}"#);
     assert!(session.words("refused").unwrap().contains("no such model"));

@@ -1,4 +1,4 @@
-//! Exporting a study's data.
+//! Tests of exporting a study's data.
 
 use super::studies::study;
 use super::*;

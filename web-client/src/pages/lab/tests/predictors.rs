@@ -1,4 +1,4 @@
-//! The models of an analysis: listed, and used in a replay.
+//! Tests of the list of an analysis's models, and of their use in a replay.
 
 use super::analyses::{analysis, detail, list};
 use super::*;
@@ -59,7 +59,7 @@ fn models_are_filtered_and_paged_by_the_server() {
     let asked = "/api/v1/admin/analyses/a1/predictors?limit=20";
     assert_eq!(session.urls().last().unwrap(), &format!("{asked}&offset=20"));
     assert_eq!(session.visited.last().unwrap(), "/lab/analyses/a1?offset=20");
-    // Another filter returns to the first page.
+    // Another filter leads back to the first page.
     session.choose("only-participant", "2");
     session.choose("only-model", "dt");
     session.choose("only-experiment", "1");
@@ -70,7 +70,7 @@ fn models_are_filtered_and_paged_by_the_server() {
     session.send("predictors", 200, &page(Vec::new(), 0));
     assert!(session.words("no-predictors").unwrap().contains("No model matches"));
 
-    // The address alone is enough.
+    // The address alone determines the filters.
     let session = listed(&format!("/lab/analyses/a1?{query}"), &page(vec![model("dt", 1, 2)], 1));
     let view = session.page.view();
     let chosen = |test_id: &str| {
@@ -96,7 +96,7 @@ fn an_analysis_without_models_says_what_to_do() {
     let nothing = PredictorPage { choices: PredictorChoices::default(), ..page(Vec::new(), 0) };
     session.send("predictors", 200, &nothing);
     assert!(session.words("no-predictors").unwrap().contains("start the analysis again"));
-    // If a list fails to load, an error is shown, and the previous list stays.
+    // If a list cannot be loaded, an error is shown, and the previous list stays.
     let mut session = signed_in("/lab/analyses/a1");
     session.send("analysis", 200, &detail(AnalysisState::Done));
     session.unreachable("predictors");
@@ -105,13 +105,14 @@ fn an_analysis_without_models_says_what_to_do() {
     session.choose("only-model", "dt");
     session.unreachable("predictors");
     assert!(session.words("predictors").is_some() && session.words("predictors-trouble").is_some());
-    // A participant withdraws: the models go with the analysis.
+    // If a participant withdraws, the models are removed together with the analysis's other
+    // results.
     session.changed();
     session.send("analysis", 200, &detail(AnalysisState::Withdrawn));
     assert!(session.words("predictors").is_none());
 }
 
-/// A predictor with constant output: right with this probability.
+/// A predictor with constant probabilities: right with probability `right`, otherwise straight.
 pub(super) fn trained(
     right: f64,
     source: Option<(PredictorSummary, TrialUse)>,
@@ -131,7 +132,7 @@ pub(super) fn trained(
 
 const LR: &str = "a1/models/lr-1-hrd-1.json";
 
-/// Addresses of the unanswered requests for a predictor.
+/// The addresses of the pending requests for a predictor.
 fn asked(session: &Session) -> Vec<&str> {
     session.urls().into_iter().filter(|url| url.contains("/predictor")).collect()
 }
@@ -152,7 +153,7 @@ fn replay_with_models() -> Session {
     session
 }
 
-/// The displayed probability of a right turn.
+/// The probability of a right turn that the page shows.
 pub(super) fn right(session: &Session) -> Option<String> {
     let words = session.words("prediction")?;
     let mut words = words.split_whitespace().skip_while(|word| *word != "right").skip(1);
@@ -170,7 +171,7 @@ fn another_predictor_changes_the_prediction_and_the_address_but_not_the_time() {
     }
     session.tell(session.page.view().enter("slider", FieldValue::Number(Some(2.4))).unwrap());
     session.choose("choose-predictor", LR);
-    // Nothing of the last predictor is shown any more.
+    // Nothing of the previous predictor is shown any more.
     assert!(session.words("prediction").is_none() && session.words("regions").is_none());
     assert!(session.words("predictor").unwrap().contains("Loading"));
     let query = "?analysis=a1&file=models%2Flr-1-hrd-1.json";
@@ -185,7 +186,7 @@ fn another_predictor_changes_the_prediction_and_the_address_but_not_the_time() {
         "{warning}"
     );
 
-    // Back to the study's predictor.
+    // Switch back to the study's predictor.
     session.choose("choose-predictor", "");
     assert_eq!(session.link(), "/lab/replay/t?t=2.4");
     assert_eq!(asked(&session), [routes::admin_predictor("t")]);
@@ -238,7 +239,7 @@ fn a_predictor_that_is_gone_or_of_no_use_says_so() {
         let said = session.words("refused").unwrap();
         assert!(said.contains("No predicted sets.") && said.contains(words), "{said}");
         assert!(session.words("prediction").is_none() && session.words("regions").is_none());
-        // It can be changed, too.
+        // The user can still choose another predictor.
         session.choose("choose-predictor", "");
         session.send("predictor", 200, &trained(0.9, None));
         assert!(session.words("refused").is_none());

@@ -1,4 +1,4 @@
-//! The page of one participant.
+//! Tests of the page of one participant.
 
 use super::studies::person;
 use super::*;
@@ -59,7 +59,7 @@ fn a_participant_is_shown_with_their_trials_as_pictures() {
     let link = view.find("replay-link").unwrap();
     assert_eq!(link.attribute("href"), Some("/lab/replay/t"));
     assert!(session.words("timeline").unwrap().contains("task 1"));
-    // A user without manage access can change nothing.
+    // A user without the right to manage cannot change anything.
     for control in ["new-note", "exclude-form", "delete", "delete-note-3"] {
         assert!(session.words(control).is_none(), "{control}");
     }

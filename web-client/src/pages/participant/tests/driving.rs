@@ -1,4 +1,4 @@
-//! Scenes: countdown, keys, interruptions, tabs.
+//! Tests of the scenes: countdown, keys, interruptions and tabs.
 
 use super::*;
 
@@ -70,7 +70,7 @@ fn feedback_stays_as_long_as_the_study_says_from_when_it_is_seen() {
         session.begin();
         session.press("start");
         session.pass(COUNTDOWN_MS + 9_990.0);
-        // The scene ends while nothing is painted: the participant has not seen the end.
+        // The scene ends while nothing is painted, so the participant has not seen the end.
         session.now_ms += 60.0;
         let message = session.page.tick(session.now_ms).unwrap();
         session.tell(message);
@@ -90,7 +90,7 @@ fn feedback_stays_as_long_as_the_study_says_from_when_it_is_seen() {
     );
 }
 
-/// A browser may never draw the page again unprompted.
+/// A browser may never draw the page again.
 #[test]
 fn what_is_never_drawn_ends_too() {
     let mut session = begun();
@@ -148,7 +148,8 @@ fn an_interrupted_scene_is_driven_again_at_the_end() {
     session.stored("t0");
     session.drive();
     session.stored("t1");
-    // Before the code, the page asks whether the server has planned further attempts.
+    // Before it requests the completion code, the page asks whether the server has planned further
+    // attempts.
     let mut further = progress(&["t0", "t1"]);
     let mut again = further.plan.phases[0].scenes[0].clone();
     (again.trial_id, again.attempt) = ("t0-2".into(), 2);

@@ -1,4 +1,4 @@
-//! Network failures, invalid links, and a computer that sleeps.
+//! Tests of network failures, of invalid links, and of a computer that sleeps.
 
 use super::*;
 
@@ -79,7 +79,7 @@ fn a_withdrawal_is_sent_until_it_is_stored_unless_the_person_goes_back() {
 
 #[test]
 fn a_link_that_is_wrong_leaves_the_participation_of_this_browser_alone() {
-    // In an unused browser.
+    // In a browser that has stored nothing.
     let mut stranger = opened(BTreeMap::new(), "#continue=forged");
     stranger.send("study", 200, &StudyInfo::of(&StudyConfig::default(), Status::Open.into()));
     stranger.send("texts", 200, &texts());
@@ -125,7 +125,7 @@ fn a_countdown_that_nobody_saw_begins_again() {
     session.pass(COUNTDOWN_MS / 2.0);
     session.at(session.now_ms + 60_000.0).frame();
     assert!(session.words("start").is_some());
-    // Nothing has moved, so nothing counts as shown.
+    // The scene has not moved, so it does not count as shown.
     assert!(!session.kept.keys().any(|name| name.contains("exposures")));
     session.drive();
     assert_eq!(session.uploaded("t0").exposures, 1);

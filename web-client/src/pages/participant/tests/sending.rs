@@ -1,4 +1,4 @@
-//! Uploads to the server, and failures and refusals.
+//! Tests of uploads, and of failures and refusals.
 
 use super::*;
 
@@ -39,7 +39,7 @@ fn a_server_that_forgot_us_lets_us_begin_afresh() {
 #[test]
 fn a_failing_server_is_asked_again() {
     let mut session = welcomed();
-    // It is unknown whether the first enrolment was stored: the second has the same id.
+    // It is unknown whether the first enrolment was stored, so the second request has the same id.
     let mut names = Vec::new();
     session.equipped();
     session.press("continue");
@@ -99,7 +99,7 @@ fn a_refusal_during_the_next_scene_leaves_that_one_alone() {
     assert_eq!(session.picture().unwrap().attributes, driven);
     session.pass(COUNTDOWN_MS + 11_000.0);
     assert!(session.kept.contains_key("sidestep.outbox.p.t1"));
-    // The first is repeated, and both are sent in order.
+    // The first scene is repeated, and then both trials are sent in order.
     session.drive();
     session.stored("t0");
     session.stored("t1");
@@ -134,7 +134,7 @@ fn a_server_that_lacks_trials_says_which() {
     session.send("progress", 200, &progress(&["t0"]));
     session.wake("upload-retry");
     session.stored("t1");
-    // Once is enough: a server that keeps saying so is not polled forever.
+    // The page asks only once, so a server that always gives this answer is not polled forever.
     session.send("complete", 409, &refusal("incomplete"));
     assert!(session.words("stuck").is_some());
 }

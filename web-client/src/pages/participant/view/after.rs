@@ -1,4 +1,4 @@
-//! After the scenes: questions, uploads, the completion code; and every other end.
+//! What follows the scenes: questions, uploads and the completion code. Also every other end.
 
 use super::Node;
 use super::around::{alert, button, card, menu, paragraph, primary, quiet, unanswered};
@@ -133,7 +133,7 @@ pub(super) fn elsewhere(page: &Participant) -> Node {
 }
 
 pub(super) fn withdrawal(page: &Participant) -> Node {
-    // The server keeps the data that it has, so unsent trials are sent first.
+    // The server keeps only the data that it already has, so unsent trials are sent first.
     let keep = button("withdraw-keep", Msg::Withdraw(false), &page.say("withdraw.keep")).attr_if(
         !page.outbox.is_empty(),
         "disabled",

@@ -1,4 +1,4 @@
-//! Parts shared by the participant's pages.
+//! Parts that several of the participant's views share.
 
 use super::Node;
 use crate::pages::participant::state::Stage;
@@ -26,12 +26,12 @@ pub(super) fn button(test_id: &str, message: Msg, words: &str) -> Node {
     parts::button(test_id, message).text(words)
 }
 
-/// The main button.
+/// The main button of a view.
 pub(super) fn primary(test_id: &str, message: Msg, words: &str) -> Node {
     button(test_id, message, words).class("primary")
 }
 
-/// A sentence with keys in it: `{left}`, `{right}` and `{space}` are styled as keys.
+/// A sentence that names keys: `{left}`, `{right}` and `{space}` are styled as keys.
 pub(super) fn keyed(page: &Participant, tag: &'static str, key: &str) -> Node {
     let sentence = page.say(key);
     let mut node = el(tag);
@@ -62,7 +62,7 @@ pub(super) fn hint(page: &Participant) -> Option<Node> {
     page.hint.map(|key| alert("hint", &page.say(key)))
 }
 
-/// A note that a question lacks its answer.
+/// A note that a question has not been answered.
 pub(super) fn unanswered(page: &Participant) -> Node {
     el("small").class("trouble").text(page.say("page.unanswered"))
 }
@@ -88,7 +88,8 @@ pub(super) fn languages(page: &Participant) -> Option<Node> {
     Some(el("div").class("languages").child(select))
 }
 
-/// Further options for the participant: another language, another computer, withdrawal.
+/// Further options for the participant: another language, full screen, another computer,
+/// withdrawal.
 pub(super) fn menu(page: &Participant) -> Node {
     let mut offers = el("div").children(languages(page));
     let drives = matches!(page.stage, Stage::Ready | Stage::Rest);

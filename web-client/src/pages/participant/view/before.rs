@@ -13,10 +13,11 @@ use sidestep::api::{CheckForm, StudyInfo};
 use sidestep::study::PhaseConfig;
 use sidestep::trial::Phase;
 
-/// Estimated time between two scenes, s.
+/// Estimated time between two scenes (s).
 const BETWEEN_S: f64 = 3.0;
 
-/// Estimated time for the consent text, the checks and the instructions, s, and for a question.
+/// Estimated time for the consent text, the checks and the instructions (s), and estimated time per
+/// question (s).
 const READING_S: f64 = 150.0;
 const QUESTION_S: f64 = 15.0;
 
@@ -61,7 +62,7 @@ pub(super) fn welcome(page: &Participant) -> Node {
             .child(el("h2").text(page.say("welcome.facts")))
             .child(el("dl").class("facts").children(page.texts.facts.iter().map(fact)))
     });
-    // The consent button gets no focus: a key that scrolls must not consent.
+    // The consent button gets no focus, because a key that scrolls must not consent.
     card(&study.title)
         .children(languages(page))
         .child(el("p").class("lead").text(page.say("welcome.lead")))
@@ -175,7 +176,7 @@ pub(super) fn instructions(page: &Participant) -> Node {
         .child(menu(page))
 }
 
-/// The key of the sentence that says in which scenes the danger zone is drawn.
+/// The key of the sentence that says in which scenes the danger zone is visible.
 fn zone_words(study: &StudyInfo) -> &'static str {
     let shown = |phase: &&PhaseConfig| phase.show_danger_zone;
     let shown: Vec<_> = study.phases.iter().filter(shown).map(|phase| phase.phase).collect();
@@ -233,7 +234,7 @@ pub(super) fn comprehension(page: &Participant, quiz: &Quiz) -> Node {
     let missing = quiz.is_incomplete.then(|| alert("missing", &page.say("comprehension.missing")));
     let submit = el("button").class("primary").attr("type", "submit").test_id("submit");
     let again = page.say("comprehension.again");
-    // New questions are a new page, which begins at its top.
+    // The key makes new questions a new page, which begins at its top.
     card(&heading)
         .key(quiz.drawn_at)
         .children(hint(page))
@@ -252,7 +253,7 @@ pub(super) fn comprehension(page: &Participant, quiz: &Quiz) -> Node {
         .child(menu(page))
 }
 
-/// A researcher's or standard sentence, filled with facts of the study.
+/// Fills facts about the study into a sentence, which is a standard one or the researcher's.
 fn filled(study: &StudyInfo, page: &Participant, sentence: &str) -> String {
     page.texts.fill(sentence, &[("radius", study.parameters.danger_radius_m.into())])
 }

@@ -74,7 +74,7 @@ pub(super) fn rest(page: &Participant) -> Node {
     el("div").class("stage").child(bar(page, None)).child(card)
 }
 
-/// A scene: in its countdown, moving, or over with its outcome.
+/// A scene during its countdown, in motion, or over (then with its outcome).
 pub(super) fn scene(
     page: &Participant,
     trial: &PlannedTrial,
@@ -123,7 +123,7 @@ pub(super) fn scene(
     el("div").class("stage").child(bar(page, Some(trial))).child(field).child(keys(page))
 }
 
-/// The functions of the keys, and which one is held.
+/// What the steering keys do, and which of them is down.
 fn keys(page: &Participant) -> Node {
     let turn = page.held.turn(&page.steering.keys);
     let moves = matches!(page.stage, Stage::Driving(..) | Stage::Countdown(..));
@@ -135,7 +135,7 @@ fn keys(page: &Participant) -> Node {
             .child(el("kbd").text(printed))
             .text(format!(" {}", page.say(words)))
     };
-    // Names beside moving vehicles would distract, so they are shown here.
+    // Names beside moving vehicles would distract, so the names are shown here.
     let name = |of: &str, tail: &str, name: &str| el("b").class(of).text(tail).text(name);
     el("footer").class("keys").attr("aria-hidden", "true").children([
         name("human", "●▸ ", &page.names[0]),
@@ -156,7 +156,7 @@ fn bar(page: &Participant, trial: Option<&PlannedTrial>) -> Node {
     el("header").class("bar").child(el("span").text(phase)).child(progress).child(saved(page))
 }
 
-/// Whether the driven scenes are stored.
+/// A message about whether the driven scenes are stored.
 pub(super) fn saved(page: &Participant) -> Node {
     let waiting = page.outbox.len();
     let (class, words) = if waiting == 0 {

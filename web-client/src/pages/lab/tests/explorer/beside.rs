@@ -1,4 +1,4 @@
-//! Areas and tuning, in parallel with counting.
+//! Tests of comparing areas and of tuning, in parallel with counting.
 
 use super::*;
 use crate::evaluation::CONFIDENCE;
@@ -10,14 +10,14 @@ use sidestep::shfrs::tuning::{Tuned, TuningSettings, candidates, tune};
 
 const ONE: WindowChoice = WindowChoice::RandomOne { seed: 0 };
 
-/// The explorer after counting and comparing.
+/// The explorer after counting and comparing have finished.
 fn compared(path: &str) -> Session {
     let mut session = opened(path);
     session.evaluate("comparer");
     session
 }
 
-/// The settings in the controls.
+/// The settings that the controls show.
 fn settings(session: &mut Session) -> ShfrsFile {
     session.press("save");
     serde_json::from_slice(&session.files.pop().unwrap().1).unwrap()
@@ -50,7 +50,7 @@ fn areas_are_those_of_the_command_line() {
             rest = &rest[place + word.len()..];
         }
     }
-    // One chart and one name for each family.
+    // There is one chart and one name for each family.
     let panels = session.words("panels").unwrap();
     assert!(expected.curves.iter().all(|curve| panels.matches(&curve.family).count() == 1));
 }
@@ -68,7 +68,7 @@ fn only_moves_that_matter_compare_again() {
     };
     assert!(idle(&mut session));
     assert_eq!(session.words("areas-twin"), before);
-    // After hundreds of changes it asks once, when counting for the last one is done.
+    // After hundreds of changes, it asks only once, when counting for the last change is done.
     for i in 0..300_u32 {
         session.slide("steps", f64::from(4 + i % 6));
         assert!(idle(&mut session));
@@ -77,7 +77,7 @@ fn only_moves_that_matter_compare_again() {
     assert!(!idle(&mut session), "a new question");
     session.evaluate("comparer");
     assert_ne!(session.words("areas-twin"), before);
-    // A question in progress is dropped at the next change.
+    // A question in progress is dropped when the settings change again.
     session.slide("up-to-2", 3.0);
     session.evaluate("evaluator");
     session.slide("up-to-2", 4.0);
@@ -104,7 +104,7 @@ fn tuning_is_that_of_the_command_line() {
         session.choose("guarantee", word);
         session.slide("aim", p);
         if word == "pac" {
-            // pⁿ ≤ 0.05 needs five tasks; only three calibrate.
+            // pⁿ ≤ 0.05 needs n = 5 tasks, but only three calibrate.
             let said = session.words("lacking").unwrap();
             assert!(
                 said.contains("takes 5 tasks") && said.contains("3 of those are for calibration"),
@@ -129,7 +129,7 @@ fn tuning_is_that_of_the_command_line() {
         ] {
             assert!(found.contains(&words), "{words} in {found}");
         }
-        // The controls get the tuned settings, to the last bit.
+        // The controls get exactly the tuned settings.
         let settings = settings(&mut session).settings(3).unwrap();
         assert_eq!(settings.epsilon()[0], expected.epsilon);
         assert_eq!((settings.choice(), settings.rollout()), (&expected.choice, Rollout::Base));
@@ -175,7 +175,8 @@ fn too_few_tasks_are_told_in_a_sentence() {
     }
     assert!(session.page.view().find("leave-tasks-aside").is_none());
     assert!(session.words("p-4").unwrap().contains("1.000"));
-    // A predictor trained on almost all tasks leaves too few; another one leaves enough.
+    // A predictor trained on almost all tasks leaves too few for calibration. Another predictor
+    // leaves enough.
     let mut session = arrived("/lab/explorer/p?trial=t11&predictor=earlier");
     let predictor = Predictor::constant(FeatureSet::none(), vec![-1, 0, 1], vec![0.2, 0.5, 0.3]);
     let answer = TrainedPredictor {
@@ -195,7 +196,7 @@ fn too_few_tasks_are_told_in_a_sentence() {
     session.evaluate("comparer");
     assert!(session.words("not-comparable").is_none() && session.words("lacking").is_none());
     assert!(session.words("areas-words").is_some());
-    // Nor is anything compared over more steps than the tasks have.
+    // Tuning over more steps than the tasks have fails as well.
     let mut session = compared("/lab/explorer/p");
     session.slide("steps", 100.0);
     session.evaluate("evaluator");
