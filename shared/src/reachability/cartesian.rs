@@ -9,10 +9,10 @@
 //! frame of one of them, is computed on half of the nodes.
 
 mod layout;
+mod speeds;
 mod kernel;
 mod solution;
 mod mirror;
-mod speeds;
 mod limits;
 mod march;
 
