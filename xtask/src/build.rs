@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, bail};
 
 use crate::site::{self, ENTRIES, PageSize};
-use crate::workspace::{Runs, Workspace, stage};
+use crate::workspace::{Runs, Workspace, both, stage};
 
 /// Build client and server (release), ready to run from any working directory.
 ///
@@ -22,8 +22,32 @@ pub(crate) struct Options {
 /// # Errors
 /// When compiling fails, `static/` does not fit the client, or a page exceeds its size budget.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
-    workspace.ensure_wasm_target()?;
+    let (pages, times) = if options.client_only {
+        client(workspace)?
+    } else {
+        let ((pages, mut times), took) = both(|| client(workspace), || server(workspace))?;
+        times.push(("server", took));
+        (pages, times)
+    };
+    report(&pages, &times);
+    match pages.iter().find(|page| page.is_over_budget()) {
+        Some(page) => bail!(
+            "{} loads {} bytes, more than its budget of {}: see what the client's last dependency or \
+             table added",
+            page.name,
+            page.total(),
+            page.budget.unwrap_or_default(),
+        ),
+        None => Ok(()),
+    }
+}
 
+/// Stages with their times.
+type Times = Vec<(&'static str, Duration)>;
+
+/// Builds the client's bundle. Returns the sizes of its pages and the time of each stage.
+fn client(workspace: &Workspace) -> Result<(Vec<PageSize>, Times)> {
+    workspace.ensure_wasm_target()?;
     let mut times = Vec::new();
     for (name, runs) in [("client", Runs::InPage), ("workers", Runs::InWorker)] {
         let entries = ENTRIES.iter().filter(|(_, where_it_runs)| *where_it_runs == runs);
@@ -40,23 +64,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
     let composed = site::compose(site::read_static(&workspace.path("static"))?, bundles)?;
     let sizes = site::publish(&composed.files, &workspace.site())?;
     times.push(("site", start.elapsed()));
-
-    if !options.client_only {
-        times.push(("server", server(workspace)?));
-    }
-
-    let pages = site::page_sizes(&composed, &sizes);
-    report(&pages, &times);
-    match pages.iter().find(|page| page.is_over_budget()) {
-        Some(page) => bail!(
-            "{} loads {} bytes, more than its budget of {}: see what the client's last dependency or \
-             table added",
-            page.name,
-            page.total(),
-            page.budget.unwrap_or_default(),
-        ),
-        None => Ok(()),
-    }
+    Ok((site::page_sizes(&composed, &sizes), times))
 }
 
 /// Builds only the server.

@@ -16,7 +16,7 @@ use crate::build;
 use crate::python::{PYTHON, environment};
 use crate::site::bundle;
 use crate::wheel;
-use crate::workspace::{Runs, Workspace, answer_of, stage};
+use crate::workspace::{Runs, Workspace, answer_of, both, stage};
 
 /// Run all tests, after installing their prerequisites where possible.
 #[derive(clap::Args)]
@@ -79,17 +79,21 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     }
     let readers = readers(workspace)?;
     let is_whole = options.arguments.is_empty();
-    // In a whole run, the server is compiled with the tests.
-    build::run(workspace, &build::Options { client_only: is_whole })?;
-    let mut needs: Vec<(&str, PathBuf)> = Vec::new();
-    for (variable, example) in PAGES {
-        needs.push((*variable, example_page(workspace, example)?));
-    }
+    let pages = || {
+        // For a whole run, the server is compiled with the tests.
+        build::run(workspace, &build::Options { client_only: is_whole })?;
+        let page = |(variable, example)| Ok((variable, example_page(workspace, example)?));
+        PAGES.iter().copied().map(page).collect::<Result<Vec<_>>>()
+    };
+    let compile = || {
+        let programs = if is_whole { programs::compile(workspace)? } else { Vec::new() };
+        stage("cluster", workspace.compile("build").args(["--example", CLUSTER]))?;
+        Ok(programs)
+    };
+    let (mut needs, programs) = both(pages, compile)?;
     needs.push((VARIABLE, chromium));
     needs.push((READERS, readers));
     needs.push(("SIDESTEP_BIN", workspace.server()));
-    let programs = if is_whole { programs::compile(workspace)? } else { Vec::new() };
-    stage("cluster", workspace.compile("build").args(["--example", CLUSTER]))?;
     let cluster = workspace.example(CLUSTER);
     if is_whole {
         return whole(workspace, options, &programs, &cluster, &needs);

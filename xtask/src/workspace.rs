@@ -3,9 +3,14 @@
 use std::env;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, ExitStatus, Stdio};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
+
+/// The folder of the client's builds in cargo's output folder. Cargo locks an output folder, and the
+/// client is compiled while something else is.
+const CLIENT: &str = "client";
 
 /// The target triple for browsers.
 pub(crate) const WASM_TARGET: &str = "wasm32-unknown-unknown";
@@ -67,7 +72,8 @@ impl Workspace {
 
     /// The path of the wasm file that cargo compiles from `entry` of the web client.
     pub(crate) fn compiled_client(&self, entry: &str) -> PathBuf {
-        self.target.join(WASM_TARGET).join("release").join(entry).with_extension("wasm")
+        let compiled = self.output(CLIENT).join(WASM_TARGET).join("release");
+        compiled.join(entry).with_extension("wasm")
     }
 
     /// The folder of the served site.
@@ -113,6 +119,7 @@ impl Workspace {
     /// also of `.cargo/worker.toml`.
     pub(crate) fn compile_for_browsers(&self, command: &str, runs: Runs) -> Command {
         let mut cargo = self.compile(command);
+        cargo.arg("--target-dir").arg(self.output(CLIENT));
         cargo.args(["--target", WASM_TARGET, "--config"]).arg(self.path(".cargo/client.toml"));
         if runs == Runs::InWorker {
             cargo.arg("--config").arg(self.path(".cargo/worker.toml"));
@@ -188,6 +195,30 @@ fn cargo_in(folder: &Path) -> Command {
     command
 }
 
+/// Interval between two looks at a running stage, and between two lines that show that it runs.
+const LOOK: Duration = Duration::from_millis(50);
+const SHOW: Duration = Duration::from_secs(30);
+
+/// Does both at the same time: compiling on two cores leaves one idle for much of the time.
+///
+/// # Errors
+/// The first error. The other one is printed.
+pub(crate) fn both<A, B: Send>(
+    one: impl FnOnce() -> Result<A>,
+    other: impl FnOnce() -> Result<B> + Send,
+) -> Result<(A, B)> {
+    let (one, other) = thread::scope(|scope| {
+        let other = scope.spawn(other);
+        let one = one();
+        if let Err(error) = &one {
+            eprintln!("{error:#}");
+        }
+        (one, other.join())
+    });
+    let other = other.map_err(|_| anyhow::anyhow!("a build panicked"))?;
+    Ok((one?, other?))
+}
+
 /// Prints the name of a stage, runs its command and returns its duration.
 ///
 /// # Errors
@@ -195,7 +226,19 @@ fn cargo_in(folder: &Path) -> Command {
 pub(crate) fn stage(name: &str, command: &mut Command) -> Result<Duration> {
     eprintln!("==> {name}");
     let start = Instant::now();
-    let status = status(command)?;
+    let mut child = command.stdin(Stdio::null()).spawn().with_context(|| cannot_start(command))?;
+    let mut shown_at = start;
+    let status = loop {
+        let waiting = || format!("waiting for stage \"{name}\"");
+        if let Some(status) = child.try_wait().with_context(waiting)? {
+            break status;
+        }
+        thread::sleep(LOOK);
+        if shown_at.elapsed() > SHOW {
+            shown_at = Instant::now();
+            eprintln!("    {name}: {} s so far", start.elapsed().as_secs());
+        }
+    };
     let took = start.elapsed();
     if !status.success() {
         bail!(
