@@ -51,13 +51,13 @@ async fn a_participant_is_shown_whole() {
     let trial: TrialDetail =
         server.admin(&routes::admin_trial(&picture.summary.trial_id)).await.into(200);
     assert_eq!(picture.summary, trial.summary);
-    assert_eq!((picture.human.len(), picture.robot.len(), picture.inputs.len()), (26, 26, 50));
+    assert_eq!((picture.human.len(), picture.robot.len(), picture.inputs.0.len()), (26, 26, 50));
     for (shown, state) in picture.human.iter().zip(trial.states.iter().step_by(2)) {
         assert!((shown[0] - state.human.x).abs() <= 0.005 + 1e-9);
         assert!((shown[1] - state.human.y).abs() <= 0.005 + 1e-9);
     }
     let letters = trial.inputs.iter().map(|input| ['L', 'S', 'R'][(1 - input.sign()) as usize]);
-    assert_eq!(picture.inputs, letters.collect::<String>());
+    assert_eq!(String::from(picture.inputs.clone()), letters.collect::<String>());
 
     // A test run can be viewed and replayed too.
     let pilot = json!({ "consent": true, "pilot": true });
@@ -231,7 +231,7 @@ async fn the_drives_of_a_participant_are_their_tasks_to_the_bit() {
     for (task, (trial_id, _)) in found.tasks.iter().zip(&sent[2..]) {
         assert_eq!(&task.trial_id, trial_id);
         let trial: TrialDetail = server.admin(&routes::admin_trial(trial_id)).await.into(200);
-        assert_eq!((task.inputs(), task.states()), (trial.inputs, trial.states));
+        assert_eq!((task.inputs.0.clone(), task.states()), (trial.inputs, trial.states));
         assert_eq!((task.scene, found.parameters), (trial.scene, trial.parameters));
         let ids = [&found.value_function_hr, &found.value_function_rh];
         assert_eq!(ids, [&trial.value_function_hr, &trial.value_function_rh]);
