@@ -1,17 +1,19 @@
-//! Is a planned trajectory of the robot clear of where the human may be, and with which probability?
+//! Checks whether a planned trajectory of the robot stays clear of every position that the human can
+//! reach, and bounds the probability of a collision.
 //!
 //! * [`Plan`]: the robot's poses step by step, with any speeds and turn rates; [`Footprint`]: a disc or
 //!   a convex polygon, with a margin.
-//! * [`ClearanceFinder`]: the distance between footprint and human at every instant, for each
-//!   nested set and each step. It is a guaranteed lower bound for all turn rates: it uses no
-//!   polygons of sets, so it does not inherit their errors.
+//! * [`ClearanceFinder`]: a guaranteed lower bound on the distance between footprint and human, for
+//!   each nested set and each step. It holds at every instant and for all turn rates. The finder
+//!   uses no polygons of the sets, so it does not inherit their errors.
 //! * [`Clearances`]: the largest set of which the plan is clear; [`CoverageBounds`]: the resulting
 //!   bound on the probability of a collision, after a calibration.
-//! * [`OnlinePredictor`]: all this in a robot's loop, without lifetime parameters and without allocation.
+//! * [`OnlinePredictor`]: prediction and clearances in a robot's control loop, without lifetime
+//!   parameters and without allocation.
 //!
 //! # Example
-//! A robot crosses the path of a human who has driven straight on so far. Each new state is pushed;
-//! then plans are compared.
+//! A robot crosses the path of a human who has driven straight on so far. The robot pushes each new
+//! state and then compares plans.
 //! ```
 //! use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
 //! use sidestep::features::FeatureSet;
@@ -30,7 +32,7 @@
 //! let settings = BoundsSettings::new(vec![0.0, 0.2, 1.0], choice, Rollout::Base, 3)?; // three actions
 //! let mut online = OnlinePredictor::new(predictor, safety, parameters, settings)?;
 //!
-//! let robot = Pose::new(2.0, -2.4, 1.57); // to the human's right, heading for the human's way
+//! let robot = Pose::new(2.0, -2.4, 1.57); // to the human's right, about to cross the human's path
 //! online.push(JointState { human: Pose::new(0.0, 0.0, 0.0), robot })?;
 //! online.predict()?;
 //! let footprint = Footprint::disc(0.3)?.grown(0.3)?; // the robot, and a person's body
@@ -38,7 +40,7 @@
 //!
 //! let cross = Plan::driven(robot, &[(1.2, 0.0); 10], 0.2, limits)?;
 //! let clearances = online.clear(&cross, &footprint)?;
-//! assert_eq!(clearances.largest_clear(0.0), Some(1)); // not of every turn
+//! assert_eq!(clearances.largest_clear(0.0), Some(1)); // not clear of the set with every turn
 //!
 //! let wait = Plan::driven(robot, &[(0.0, 0.0); 10], 0.2, limits)?;
 //! let clearances = online.clear(&wait, &footprint)?;

@@ -1,4 +1,5 @@
-//! Branch and bound: the clearance from one set in one step.
+//! Branch and bound for the clearance from one set in one step. A *drive* is an admissible trajectory
+//! of the human.
 
 use super::headings::{Cuts, Moment, Piece, Pieces, Tube};
 use super::interval::{Clearance, ClearanceSettings};
@@ -21,25 +22,25 @@ pub(super) struct Setting<'a> {
     pub(super) settings: ClearanceSettings,
 }
 
-/// Some of the drives, during a part of a step.
+/// A subset of the drives in a time interval of the step: a node of the search.
 #[derive(Clone, Copy, Debug)]
 struct Part {
     cuts: Cuts,
-    /// The part of the step, as shares.
+    /// The time interval, as fractions of the step.
     from: f64,
     to: f64,
-    /// The direction from human to robot with the best bound, rad.
+    /// The direction from human to robot with the largest lower bound (rad).
     alpha: f64,
-    /// No drive of the part comes nearer, m.
+    /// Lower bound (m) on the distance of the part's drives from the robot.
     at_least_m: f64,
-    /// Whether halving the drives promises more than halving the time.
+    /// Whether halving the drives is expected to raise the bound more than halving the time.
     halve_drives: bool,
-    /// The knot and the heading at which drives are split.
+    /// The knot and the heading at which the drives are split.
     knot: usize,
     heading: f64,
 }
 
-/// The part with the smallest bound comes first.
+/// The heap returns the part with the smallest bound first.
 impl Ord for Part {
     fn cmp(&self, other: &Self) -> Ordering {
         other.at_least_m.total_cmp(&self.at_least_m)
@@ -63,20 +64,20 @@ impl Eq for Part {}
 /// Largest number of directions tried for a part.
 const MOST_DIRECTIONS: usize = 4;
 
-/// Limits on the turn of a drive in a piece of time, rad.
+/// Limits for the largest turn of a drive in one piece (rad).
 const LEAST_TURN_RAD: f64 = 0.02;
 const MOST_TURN_RAD: f64 = 0.5;
 
-/// Largest number of pieces, unless a drive would turn by more than [`MOST_TURN_RAD`] in one.
+/// Largest number of pieces, unless a drive would turn by more than [`MOST_TURN_RAD`] in a piece.
 const MOST_PIECES: f64 = 1000.0;
 
-/// Directions that differ by less count as equal, rad.
+/// Directions that differ by less than this (rad) count as equal.
 const SAME_RAD: f64 = 1e-6;
 
-/// The shortest part of a step.
+/// Time intervals of this length or less (as a fraction of the step) are not halved.
 const LEAST_SHARE: f64 = 1.0 / 4096.0;
 
-/// Upper bounds on rounding errors: m, and as a share of the distance.
+/// Upper bounds on rounding errors: absolute (m), and relative to the distance.
 const ROUNDING_M: f64 = 1e-9;
 const ROUNDING: f64 = 1e-12;
 
@@ -87,32 +88,32 @@ pub(super) struct Search {
     tube: Tube,
     farthest: Farthest,
     open: BinaryHeap<Part>,
-    /// Pieces of time examined in this step.
+    /// Number of pieces evaluated in this step, over all parts and directions.
     work: usize,
-    /// The direction with the best bound in the step before.
+    /// The direction with the best bound in the previous step.
     alpha: Option<f64>,
-    /// The parts into which the drives were divided at the end of the step before.
+    /// The parts into which the drives were divided at the end of the previous step.
     seeds: Vec<Seed>,
 }
 
-/// Some of the drives, and the direction with their best bound.
+/// A subset of the drives, and the direction with its best bound.
 #[derive(Clone, Copy, Debug)]
 struct Seed {
     cuts: Cuts,
     alpha: f64,
 }
 
-/// A search that left more parts than this starts afresh in the next step.
+/// If a search ends with more parts than this, the next step starts without seeds.
 const MOST_SEEDS: usize = 24;
 
 impl Search {
-    /// Starts on the set with these bounds.
+    /// Prepares the search for the set with these bounds.
     pub(super) fn begin(&mut self, bounds: &InputBounds, on: &Setting<'_>) {
-        // Where a drive turns by a in a piece, the line is above the cosine by a²/24 on average: in
-        // total at most a quarter of the accuracy.
+        // If a drive turns by an angle a in a piece, the line exceeds the cosine by a²/24 on average.
+        // The total excess is then at most a quarter of the accuracy.
         let length_m = on.speed_mps * on.step_s * bounds.steps() as f64;
         let turn_rad = (6.0 * on.settings.accuracy_m / length_m).sqrt();
-        // But not more pieces than the work allows.
+        // Limit the number of pieces.
         let most =
             bounds.lo().iter().chain(bounds.hi()).fold(0.0, |most: f64, rate| most.max(rate.abs()));
         let turn_rad = turn_rad.max(most * on.step_s * bounds.steps() as f64 / MOST_PIECES);
@@ -126,8 +127,8 @@ impl Search {
         self.farthest.reserve(self.pieces.len());
     }
 
-    /// The clearance in step `step`, from 0, which is known to be at least `at_least_m`, and the
-    /// work on it. Once the work exceeds `most_work`, no part is divided any more.
+    /// Returns the clearance in step `step` (counted from 0) and the work spent on it. `at_least_m` is
+    /// a known lower bound. Once the work exceeds `most_work`, no more parts are divided.
     pub(super) fn step(
         &mut self,
         on: &Setting<'_>,
@@ -154,7 +155,7 @@ impl Search {
             heading: 0.0,
         };
         let mut at_most_m = f64::INFINITY;
-        // The smallest bound of the parts that need no more search.
+        // The smallest bound of the parts that are not divided further.
         let mut settled_m = f64::INFINITY;
         self.examine(on, step, &leg, whole, &mut at_most_m);
         self.alpha = self.open.peek().map(|part| part.alpha);
@@ -165,7 +166,7 @@ impl Search {
         let again = (2..=MOST_SEEDS.min(most_parts)).contains(&self.seeds.len())
             && self.seeds.len() * self.work <= most_work;
         if again && !self.open.peek().is_some_and(|part| suffices(part, at_most_m)) {
-            // Drives that were split in the step before must be split now.
+            // Drives that had to be split in the previous step have to be split again.
             parts = self.seeds.len();
             self.open.clear();
             for i in 0..parts {
@@ -197,18 +198,19 @@ impl Search {
         open.iter().for_each(|part| self.seed(part));
         open.clear();
         self.open = open;
-        // The parts cover all drives and the whole time.
+        // The parts cover all drives and the whole step, so the smallest of their bounds is valid.
         (Clearance { at_least_m: settled_m.min(at_most_m), at_most_m }, self.work)
     }
 
-    /// Keeps the drives of a part that lasts to the end of the step. Every drive is in such a part.
+    /// Saves the drives of a part as a seed if the part ends with the step. Every drive belongs to
+    /// such a part.
     fn seed(&mut self, part: &Part) {
         if part.to == 1.0 && self.seeds.len() <= MOST_SEEDS {
             self.seeds.push(Seed { cuts: part.cuts, alpha: part.alpha });
         }
     }
 
-    /// Halves the drives of a part, or its time.
+    /// Halves the drives of a part, or its time interval.
     fn halves(&mut self, on: &Setting<'_>, step: usize, part: &Part) -> Option<[Part; 2]> {
         let middle = 0.5 * (part.from + part.to);
         let in_time = [Part { to: middle, ..*part }, Part { from: middle, ..*part }];
@@ -229,8 +231,8 @@ impl Search {
         }
     }
 
-    /// Bounds the clearance of a part from below, and that of all drives from above; queues the
-    /// part unless it is empty.
+    /// Raises the lower bound of a part and lowers the upper bound `at_most_m` for all drives. Queues
+    /// the part unless it is empty.
     fn examine(
         &mut self,
         on: &Setting<'_>,
@@ -262,7 +264,7 @@ impl Search {
             let nearer = usize::from(ends[1].at_least_m < ends[0].at_least_m);
             let apart = ends[nearer].apart;
             last = alpha;
-            // The bound grows toward where the line from human to robot points.
+            // The bound grows when the direction turns toward the line from human to robot.
             let (sin, cos) = sin_cos(alpha);
             let side = usize::from(cos * apart[1] - sin * apart[0] < 0.0);
             bracket[side] = Some((alpha, apart));
@@ -273,7 +275,8 @@ impl Search {
                     share = between;
                     let most = look.between(share, &self.tube, &self.farthest);
                     *at_most_m = at_most_m.min(most);
-                    // No line proves more than this if the human may be anywhere between both drives.
+                    // If the human can be anywhere between the two drives, no separating line can
+                    // prove more than this.
                     let limit_m = hypot(aim[0], aim[1]) - on.footprint.margin_m();
                     if limit_m < on.settings.goal(*at_most_m) {
                         break;
@@ -302,7 +305,7 @@ impl Search {
         }
         let looseness = self.farthest.looseness(&self.tube, last, share);
         (part.knot, part.heading) = (looseness.knot, looseness.heading);
-        // Rough estimate of the loss from moving within the part.
+        // Rough estimate of the loss that comes from the motion within the time interval.
         let moved_m = (part.to - part.from) * (on.speed_mps * on.step_s + leg.length_m);
         let time_m = moved_m * moved_m / (8.0 * at_most_m.max(0.25 * moved_m));
         part.halve_drives = on.speed_mps * looseness.seconds > time_m;
@@ -310,27 +313,27 @@ impl Search {
     }
 }
 
-/// The gap between human and robot at one end of a part's time.
+/// The gap between human and robot at one end of a part's time interval.
 #[derive(Clone, Copy, Debug)]
 struct End {
-    /// Along the direction, the robot is at least this far ahead of the human, m.
+    /// Lower bound (m) on how far the robot is ahead of the human along the direction.
     at_least_m: f64,
-    /// Between the robot and the drive that was found, m.
+    /// Distance between the robot and the drive that was found (m).
     at_most_m: f64,
-    /// From the end of that drive to the nearest corner of the robot, m.
+    /// Vector (m) from the end of the drive to the robot's corner that is least far along the direction.
     apart: [f64; 2],
 }
 
-/// The time of a part, in which lines between human and robot are sought.
+/// The data for finding separating lines in a part's time interval.
 struct Look<'a> {
     on: &'a Setting<'a>,
-    /// The robot at both ends.
+    /// The robot at both ends of the interval.
     robot: [Placed<'a>; 2],
-    /// Between both ends, s.
+    /// Length of the interval (s).
     seconds: f64,
-    /// The human's turn rates in between, rad/s.
+    /// Bounds on the human's turn rate in the interval (rad/s).
     rates: (f64, f64),
-    /// How far the robot's corners are from the chords of their paths, m.
+    /// Largest distance (m) of the robot's corners from the chords of their paths.
     bulge_m: f64,
 }
 
@@ -346,9 +349,9 @@ impl<'a> Look<'a> {
         }
     }
 
-    /// The gaps at both ends, seen along direction `alpha` from human to robot. Between the ends,
-    /// the human advances by at most the largest cosine of a heading, so the true gap is above the
-    /// line between both gaps, except for the bulge of the robot's path.
+    /// The gaps at both ends, along direction `alpha` from human to robot. In between, the human
+    /// advances at most at the speed times the largest cosine of a heading. The true gap is therefore
+    /// never below the linear interpolation of the two gaps by more than the bulge of the robot's path.
     fn along(&self, alpha: f64, tube: &Tube, farthest: &mut Farthest) -> [End; 2] {
         let (sin, cos) = sin_cos(alpha);
         let v = self.on.speed_mps;
@@ -382,7 +385,8 @@ impl<'a> Look<'a> {
         [end(now, place, far_m), end(then, later, far_m + onward_m)]
     }
 
-    /// Distance, m, from the robot at the beginning to the end of a drive between the two saved ones.
+    /// Distance (m) from the robot, at the start of the interval, to the end of the drive that is
+    /// interpolated between the two saved drives.
     fn between(&self, share: f64, tube: &Tube, farthest: &Farthest) -> f64 {
         let ([x, y], _) = farthest.end_between(tube, share);
         let Setting { start, speed_mps, .. } = self.on;
@@ -398,7 +402,8 @@ fn most_cosine(lo: f64, hi: f64) -> f64 {
     cos(lo).max(cos(hi))
 }
 
-/// The place nearest to the origin on the line from a (share 0) to b (1).
+/// The point nearest to the origin on the segment from a (share 0) to b (share 1); returns its share
+/// and its coordinates.
 fn nearest_to_origin(a: [f64; 2], b: [f64; 2]) -> (f64, [f64; 2]) {
     let d = [b[0] - a[0], b[1] - a[1]];
     let square = d[0] * d[0] + d[1] * d[1];

@@ -1,16 +1,18 @@
-//! From a calibration to a bound on the probability of a collision.
+//! Converts a calibration into a bound on the probability of a collision.
 //!
-//! A human touches a robot whose plan is clear of F_j only if the human's trajectory leaves F_j.
-//! Let c_j be a lower bound on the share of trajectories that stay inside F_j, and F_J the largest
-//! set of which the plan is clear. Then the bound is U = 1 − c_J; without such a set U = 1. F_J
-//! depends on the scene. Still, for every α: U ≤ α only if the plan is clear of the smallest set
-//! with 1 − c_j ≤ α, since the sets are nested. Hence P(touch, and U ≤ α) ≤ α.
+//! If a plan is clear of F_j, the human can touch the robot only if the human's trajectory leaves
+//! F_j. Let c_j be a lower bound on the share of trajectories that stay inside F_j, and F_J the
+//! largest set of which the plan is clear. The bound is U = 1 − c_J, or U = 1 if the plan is clear of
+//! no set. J depends on the scene, but the bound is valid for every α: since the sets are nested,
+//! U ≤ α holds only if the plan is clear of the smallest set with 1 − c_j ≤ α. Hence
+//! P(touch, and U ≤ α) ≤ α.
 //!
 //! # Between the recorded states
-//! Calibration tests the recorded states after each step, within a tolerance. Every instant is
-//! within half a step of a recorded state. So a human whose turn rate is in the vehicle's range
-//! deviates from a drive of the set by at most the tolerance plus v(τ/2)²/2 times the range. A plan
-//! must keep this margin; the human must drive at the constant speed v.
+//! Calibration tests the recorded state after each step, within a tolerance. Every instant is at
+//! most half a step (τ/2) away from a recorded state. If the human drives at the constant speed v
+//! with turn rates in the vehicle's range, the distance to a trajectory of the set is therefore at
+//! most the position tolerance, plus vτ/2 times the heading tolerance, plus v(τ/2)²/2 times the width
+//! of the turn-rate range. A plan must keep this margin.
 
 use super::interval::Clearances;
 use crate::invalid::{Invalid, length};
@@ -20,7 +22,8 @@ use crate::shfrs::scores::Scores;
 use crate::shfrs::tuning::Tuned;
 use crate::stats::{beta_quantile, open_probability};
 
-/// For each set, a bound on the share of trajectories that leave it, and a statement of the assumptions.
+/// For each set, a bound on the share of trajectories that leave the set; and a statement of the
+/// assumptions.
 ///
 /// ```
 /// use sidestep::clearance::CoverageBounds;
@@ -28,7 +31,7 @@ use crate::stats::{beta_quantile, open_probability};
 /// use sidestep::scene::SceneParameters;
 /// use sidestep::shfrs::scores::Scores;
 ///
-/// // Of 200 calibration trajectories, 180 need no widening, and 20 one of 0.3 rad/s.
+/// // Of 200 calibration trajectories, 180 need no widening, and 20 need a widening of 0.3 rad/s.
 /// let scores = Scores::new([vec![0.0; 180], vec![0.3; 20]].concat())?;
 /// let parameters = SceneParameters::default();
 /// let (epsilon, delta, tolerance) = ([0.0, 0.4, 1.0], 0.05, Tolerance::default());
@@ -40,7 +43,7 @@ use crate::stats::{beta_quantile, open_probability};
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct CoverageBounds {
-    /// Descending, from the smallest set to the largest.
+    /// For each set, from the smallest to the largest; descending.
     outside: Vec<f64>,
     margin_m: f64,
     statement: String,
@@ -49,10 +52,10 @@ pub struct CoverageBounds {
 /// A bound on the probability of a collision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CollisionBound {
-    /// The human comes within the footprint at some instant of the plan with at most this probability:
-    /// see [`CoverageBounds::statement`].
+    /// Upper bound on the probability that the human enters the footprint at some instant of the
+    /// plan: see [`CoverageBounds::statement`].
     pub at_most: f64,
-    /// The set, from 0, whose coverage gives the bound; `None` if the plan is clear of no set.
+    /// Index of the set whose coverage gives the bound; `None` if the plan is clear of no set.
     pub set: Option<usize>,
 }
 
@@ -65,10 +68,10 @@ const ASSUMED: &str = "This holds on average over windows drawn like those of th
 
 impl CoverageBounds {
     /// The bounds that `tuned` guarantees for the prediction of
-    /// [`OnlinePredictor::tuned`](super::OnlinePredictor::tuned) with the same `further` sets,
-    /// rad/s. The first set has the tuned choice of actions, roll-outs and ε; larger sets contain
-    /// it. A trajectory leaves a set that admits every turn rate with probability 0. `parameters`
-    /// are those of the tuning.
+    /// [`OnlinePredictor::tuned`](super::OnlinePredictor::tuned) with the same `further` widenings
+    /// (rad/s). The first set has the tuned choice of actions, roll-outs and ε, and the larger sets
+    /// contain it. A trajectory leaves a set that admits every turn rate with probability 0.
+    /// `parameters` must be the parameters of the tuning.
     ///
     /// # Errors
     /// [`Invalid`] if the further widenings do not ascend from the tuned ε.
@@ -93,11 +96,11 @@ impl CoverageBounds {
         Ok(Self { outside, margin_m, statement })
     }
 
-    /// The bounds that hold for all sets at once with confidence 1 − `delta`: for each set the
+    /// The bounds that hold for all sets simultaneously with confidence 1 − `delta`. Each is a
     /// Clopper–Pearson bound, with δ divided by the number of sets that do not admit every turn
-    /// rate. `scores` are those of calibration trajectories, with the prediction's choice of
-    /// actions, `base` roll-outs and `tolerance`; `epsilon` are the sets' widenings, rad/s,
-    /// ascending. A trajectory leaves a set that admits every turn rate with probability 0.
+    /// rate. A trajectory leaves a set that admits every turn rate with probability 0. `scores` are
+    /// the scores of calibration trajectories, computed with the prediction's choice of actions,
+    /// `base` roll-outs and `tolerance`. `epsilon` are the sets' widenings (rad/s), ascending.
     ///
     /// # Errors
     /// [`Invalid`] if there is no set, the widenings are not ascending, or δ is not in (0, 1).
@@ -144,13 +147,13 @@ impl CoverageBounds {
         &self.outside
     }
 
-    /// A plan must be clear of a set by more than this, m, for the set's bound to hold.
+    /// The margin (m). A set's bound holds for a plan whose clearance from the set exceeds it.
     #[must_use]
     pub fn margin_m(&self) -> f64 {
         self.margin_m
     }
 
-    /// The bounds and their assumptions as a text, to print beside them.
+    /// A text that states the meaning and the assumptions of the bounds, to print next to them.
     #[must_use]
     pub fn statement(&self) -> &str {
         &self.statement
@@ -161,7 +164,7 @@ impl CoverageBounds {
     /// [`OnlinePredictor::check_human`](super::OnlinePredictor::check_human) checks the last step.
     ///
     /// # Errors
-    /// [`Invalid`] if there are more or fewer sets.
+    /// [`Invalid`] if the number of sets differs.
     pub fn collision(&self, clearances: &Clearances) -> Result<CollisionBound, Invalid> {
         length("clearances", self.outside.len(), clearances.sets())?;
         let set = clearances.largest_clear(self.margin_m);
@@ -169,12 +172,12 @@ impl CoverageBounds {
     }
 }
 
-/// The widening, rad/s, that admits every turn rate.
+/// The widening (rad/s) that admits every turn rate.
 fn everything(parameters: &SceneParameters) -> f64 {
     2.0 * parameters.human.turn_rate_radps
 }
 
-/// Accepts widenings, rad/s, that ascend from `least`.
+/// Checks that widenings (rad/s) ascend from `least`.
 fn rising(field: &str, mut least: f64, epsilon: &[f64]) -> Result<(), Invalid> {
     for (j, &level) in epsilon.iter().enumerate() {
         if !level.is_finite() || level < least {
@@ -186,11 +189,12 @@ fn rising(field: &str, mut least: f64, epsilon: &[f64]) -> Result<(), Invalid> {
     Ok(())
 }
 
-/// How far from the set, m, a trajectory can be between recorded states that are inside.
+/// The largest distance (m) from a set that a trajectory can have between recorded states that are
+/// inside the set.
 fn margin_m(parameters: &SceneParameters, tolerance: Tolerance, steps: usize) -> f64 {
     let (v, half_s) = (parameters.human.speed_mps, 0.5 * parameters.step_s);
     let range = 2.0 * parameters.human.turn_rate_radps;
-    // Membership treats bounds that nearly admit straight driving as admitting it.
+    // The membership test treats bounds that almost admit straight driving as admitting it.
     let ahead_s = steps as f64 * parameters.step_s;
     let nearly = 0.5 * v * nearly_zero(ahead_s) * ahead_s * ahead_s;
     tolerance.position_m + v * half_s * (tolerance.heading_rad + 0.5 * range * half_s) + nearly

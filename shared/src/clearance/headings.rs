@@ -1,25 +1,25 @@
-//! The headings that a human may have at each instant: a tube that follows from the bounds on the
-//! turn rate and that branching narrows.
+//! The headings that a human can have at each instant. They form a tube, which follows from the
+//! bounds on the turn rate; branching narrows it.
 
 use crate::bounds::InputBounds;
 
-/// A time during which the bounds on the turn rate are constant.
+/// A time interval in which the bounds on the turn rate are constant.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Piece {
     pub(super) seconds: f64,
-    /// rad/s.
+    /// Lower and upper bound on the turn rate (rad/s).
     pub(super) lo: f64,
     pub(super) hi: f64,
 }
 
-/// A later instant: a number of whole steps and a share of the next one.
+/// An instant of the plan: a number of whole steps and a fraction of the next step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Moment {
     pub(super) step: usize,
     pub(super) share: f64,
 }
 
-/// The bounds of all steps, cut into pieces.
+/// The bounds of all steps, divided into pieces.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Pieces {
     all: Vec<Piece>,
@@ -29,7 +29,7 @@ pub(super) struct Pieces {
 }
 
 impl Pieces {
-    /// Cuts the bounds into pieces in which a drive turns by at most `most_turn_rad`.
+    /// Divides the steps into pieces in which a drive turns by at most `most_turn_rad`.
     pub(super) fn set(&mut self, bounds: &InputBounds, step_s: f64, most_turn_rad: f64) {
         let rates = || bounds.lo().iter().zip(bounds.hi());
         let most = rates().map(|(lo, hi)| lo.abs().max(hi.abs())).fold(0.0, f64::max);
@@ -52,12 +52,12 @@ impl Pieces {
         self.straight
     }
 
-    /// A piece of the step that contains an instant: all pieces of a step have the same bounds.
+    /// The first piece of the step that contains an instant. All pieces of a step have the same bounds.
     pub(super) fn at(&self, moment: Moment) -> Piece {
         self.all[moment.step * self.count]
     }
 
-    /// The number of whole pieces before an instant, and the elapsed part of the next one, s.
+    /// The number of whole pieces before an instant, and the elapsed time in the next piece (s).
     fn before(&self, moment: Moment) -> (usize, f64) {
         let pieces = moment.share * self.count as f64;
         let whole = (pieces as usize).min(self.count - 1);
@@ -66,19 +66,19 @@ impl Pieces {
     }
 }
 
-/// A part of all drives: those whose heading at the end of a piece is in a range, rad.
+/// A subset of the drives: their heading at a knot (the end of a piece) is in a range (rad).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Cut {
-    /// Number of pieces until then, ≥ 1.
+    /// Number of pieces before the knot, ≥ 1.
     pub(super) knot: usize,
     pub(super) lo: f64,
     pub(super) hi: f64,
 }
 
-/// Largest number of cuts that describe a part.
+/// Largest number of cuts that define a part.
 pub(super) const MOST_CUTS: usize = 16;
 
-/// The cuts that describe a part.
+/// The cuts that define a part: its drives satisfy all of them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cuts {
     list: [Cut; MOST_CUTS],
@@ -89,7 +89,7 @@ impl Cuts {
     pub(super) const NONE: Self =
         Self { list: [Cut { knot: 0, lo: 0.0, hi: 0.0 }; MOST_CUTS], len: 0 };
 
-    /// With one more cut, or with a narrower one at the same knot. None if there are too many.
+    /// Adds a cut, or replaces the cut at the same knot. Returns `None` if there are too many cuts.
     pub(super) fn with(mut self, cut: Cut) -> Option<Self> {
         let same = self.list[..self.len].iter().position(|other| other.knot == cut.knot);
         let place = same.unwrap_or(self.len);
@@ -99,12 +99,12 @@ impl Cuts {
     }
 }
 
-/// The headings, rad in the world frame and not wrapped, that drives can have at the end of each
-/// piece until some instant. From each heading in the tube, a drive inside it leads to the end.
+/// The headings that drives can have at the end of each piece, up to some instant (rad in the world
+/// frame, not wrapped). From each heading in the tube, a drive inside the tube leads to its end.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tube {
     pub(super) pieces: Vec<Piece>,
-    /// At the start and after each piece.
+    /// Lowest and highest heading at each knot: at the start and after each piece.
     pub(super) lo: Vec<f64>,
     pub(super) hi: Vec<f64>,
     /// Lowest and highest heading within each piece.
@@ -113,7 +113,7 @@ pub(super) struct Tube {
     rest: bool,
 }
 
-/// Ranges whose gap is smaller, rad, count as touching.
+/// Ranges with a smaller gap (rad) between them count as touching.
 const ROUNDING_RAD: f64 = 1e-12;
 
 impl Tube {
@@ -129,8 +129,8 @@ impl Tube {
         }
     }
 
-    /// The tube of the drives from heading `psi` until `moment` that satisfy the cuts; false if there
-    /// is none.
+    /// Sets the tube to the drives that start with heading `psi`, satisfy the cuts and end at
+    /// `moment`. Returns `false` if there is no such drive.
     pub(super) fn set(&mut self, psi: f64, pieces: &Pieces, moment: Moment, cuts: &Cuts) -> bool {
         let (whole, rest) = pieces.before(moment);
         self.pieces.clear();
@@ -167,7 +167,7 @@ impl Tube {
         for (k, piece) in self.pieces.iter().enumerate().rev() {
             self.lo[k] = self.lo[k].max(self.lo[k + 1] - piece.hi * piece.seconds);
             self.hi[k] = self.hi[k].min(self.hi[k + 1] - piece.lo * piece.seconds);
-            // Both are equal up to rounding.
+            // Here the two differ only by a rounding error.
             if self.lo[k] > self.hi[k] {
                 self.lo[k] = self.hi[k];
             }
@@ -186,18 +186,18 @@ impl Tube {
         (self.lo[self.pieces.len()], self.hi[self.pieces.len()])
     }
 
-    /// Whether drives can be split by their heading at a knot.
+    /// Whether the drives can be split by their heading at a knot.
     pub(super) fn halves_at(&self, knot: usize) -> bool {
         (1..=self.knots()).contains(&knot) && self.hi[knot] - self.lo[knot] > LEAST_WIDTH_RAD
     }
 
-    /// The knots after whole pieces.
+    /// Number of knots at the ends of whole pieces.
     fn knots(&self) -> usize {
         self.pieces.len() - usize::from(self.rest)
     }
 
-    /// Splits the tube into the headings at `knot` below and above `heading`, which is moved a
-    /// little if one part would be narrow; at knot 0, halves it where headings differ most.
+    /// Splits the tube at `knot` into the headings below and above `heading`. Moves `heading` inward
+    /// if one part would be too narrow. If `knot` is 0, halves the tube at its widest knot instead.
     pub(super) fn halves(&self, knot: usize, heading: f64) -> Option<[Cut; 2]> {
         let width = |&knot: &usize| self.hi[knot] - self.lo[knot];
         let widest = || (1..=self.knots()).max_by(|a, b| width(a).total_cmp(&width(b)));
@@ -210,11 +210,11 @@ impl Tube {
     }
 }
 
-/// Headings that differ by less count as equal, rad.
+/// Headings that differ by less than this (rad) count as equal.
 const LEAST_WIDTH_RAD: f64 = 1e-6;
 
-/// The highest heading within a piece that begins at most at `from` and ends at most at `to`: drives
-/// turn left as long as they can, then right.
+/// The highest heading within a piece, for drives that start at `from` or below and end at `to` or
+/// below. The extreme drive turns left as long as it can, then right.
 fn highest(piece: &Piece, from: f64, to: f64) -> f64 {
     if piece.hi <= 0.0 {
         return from;

@@ -1,21 +1,21 @@
-//! Clearances, and the accuracy with which they are found.
+//! Clearances, and the accuracy to which they are computed.
 
 use crate::invalid::Invalid;
 use crate::plausibility::Departure;
 
-/// How near the human may come to the robot in one step of a plan, at any instant of it: the distance
-/// between the footprint and the human's position at the same instant.
+/// Bounds on the smallest distance between the footprint and the human in one step of a plan: the
+/// minimum, over all instants of the step, of the distance from the human's position at that instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clearance {
-    /// No drive in the set comes nearer than this, m. Negative: the human may touch the robot; the
-    /// magnitude is not the depth of the overlap.
+    /// Lower bound (m): no drive in the set comes nearer. If it is negative, the human may touch the
+    /// robot; its magnitude is not the depth of the overlap.
     pub at_least_m: f64,
-    /// Some drive in the set comes this near, m. ≤ 0: a drive touches the robot.
+    /// Upper bound (m): some drive in the set comes this near. If it is ≤ 0, a drive touches the robot.
     pub at_most_m: f64,
 }
 
 impl Clearance {
-    /// The smaller of two.
+    /// The element-wise minimum of two clearances.
     fn and(self, other: Self) -> Self {
         Self {
             at_least_m: self.at_least_m.min(other.at_least_m),
@@ -33,13 +33,13 @@ impl Clearance {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Clearances {
     pub(super) steps: usize,
-    /// Set by set.
+    /// All steps of the first set, then all steps of the second, and so on.
     pub(super) all: Vec<Clearance>,
     pub(super) unproved: Option<Departure>,
 }
 
 impl Clearances {
-    /// The number of sets, m.
+    /// The number of sets.
     #[must_use]
     pub fn sets(&self) -> usize {
         self.all.len().checked_div(self.steps).unwrap_or(0)
@@ -51,11 +51,11 @@ impl Clearances {
         self.steps
     }
 
-    /// The clearance from set `set` (from 0: the smallest) in each step. Larger sets have smaller
+    /// The clearance from set `set` in each step; set 0 is the smallest. Larger sets have smaller
     /// clearances.
     ///
     /// # Panics
-    /// If there are fewer sets.
+    /// If `set` is not less than the number of sets.
     #[must_use]
     pub fn by_step(&self, set: usize) -> &[Clearance] {
         &self.all[set * self.steps..(set + 1) * self.steps]
@@ -64,27 +64,27 @@ impl Clearances {
     /// The clearance from set `set` over all steps.
     ///
     /// # Panics
-    /// If there are fewer sets.
+    /// If `set` is not less than the number of sets.
     #[must_use]
     pub fn of(&self, set: usize) -> Clearance {
         self.by_step(set).iter().fold(Clearance::NONE, |all, step| all.and(*step))
     }
 
-    /// Why nothing is proved and every clearance is −∞: the human's vehicle cannot have driven the
-    /// human's last step, so the sets do not bound the next ones. `None` if the clearances hold.
+    /// The reason why every clearance is −∞: the vehicle model cannot have driven the human's last
+    /// step, so the sets do not bound the human's next steps. `None` if the clearances hold.
     #[must_use]
     pub fn unproved(&self) -> Option<Departure> {
         self.unproved
     }
 
-    /// Sets every clearance to −∞, because of `why`.
+    /// Sets every clearance to −∞ and stores the reason `why`.
     pub(super) fn prove_nothing(&mut self, why: Departure) {
         self.all.fill(Clearance::UNPROVED);
         self.unproved = Some(why);
     }
 
-    /// The largest set, counted from 0, that the plan clears by more than `margin_m` ≥ 0 throughout; it then
-    /// clears all smaller sets, too. `None` if it does not even clear the smallest.
+    /// The index of the largest set from which the plan stays more than `margin_m` ≥ 0 (m) away in all
+    /// steps. The plan then also stays clear of all smaller sets. `None` if there is no such set.
     #[must_use]
     pub fn largest_clear(&self, margin_m: f64) -> Option<usize> {
         (0..self.sets()).rev().find(|&set| self.of(set).at_least_m > margin_m)
@@ -95,18 +95,18 @@ impl Clearances {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ClearanceSettings {
-    /// [`Clearance::at_most_m`] exceeds [`Clearance::at_least_m`] (0 if that is negative) by no
-    /// more than this, m, unless one of the limits below ends the search, as happens at long
-    /// horizons and large turns.
+    /// Largest gap (m) between [`Clearance::at_most_m`] and [`Clearance::at_least_m`], where a
+    /// negative `at_least_m` counts as 0. The gap can be larger if one of the limits below ends the
+    /// search, as at long horizons and large turns.
     pub accuracy_m: f64,
-    /// A clearance of at least this, m, needs no accuracy.
+    /// Clearances of at least this (m) need not be accurate.
     pub enough_m: f64,
-    /// Largest number of parts into which drives and time are divided, per set and step. A search
-    /// that reaches this limit underestimates the clearance.
+    /// Largest number of parts into which branch and bound divides drives and time, per set and
+    /// step. A search that reaches this limit underestimates the clearance.
     pub most_parts: usize,
-    /// Limit on the work for all sets and steps together, so that long horizons and fast turns take
-    /// bounded time, too. A unit of work is one piece of time seen from one direction. Each step of
-    /// each set gets an equal share of the remaining work, and at least one part.
+    /// Limit on the work for all sets and steps together. It bounds the computing time even for long
+    /// horizons and fast turns. A unit of work is one time interval evaluated for one direction. Each
+    /// step of each set gets an equal share of the remaining work, and at least one part.
     pub most_work: usize,
 }
 
@@ -114,7 +114,8 @@ pub struct ClearanceSettings {
 const MOST_WORK: usize = 500_000;
 
 impl ClearanceSettings {
-    /// An accuracy of `accuracy_m`, m, up to a clearance of 2 m, in at most 400 parts and 500,000 units of work.
+    /// An accuracy of `accuracy_m` (m) up to a clearance of 2 m, with at most 400 parts and 500,000
+    /// units of work.
     ///
     /// # Errors
     /// [`Invalid`] if the accuracy is not from 10⁻⁴ to 10 m.
@@ -125,7 +126,7 @@ impl ClearanceSettings {
         Ok(Self { accuracy_m, ..Self::default() })
     }
 
-    /// The same with another [`Self::enough_m`], m; with +∞ every clearance is accurate.
+    /// Replaces [`Self::enough_m`] (m). With +∞, every clearance is accurate.
     ///
     /// # Errors
     /// [`Invalid`] if it is not > 0.
@@ -136,7 +137,7 @@ impl ClearanceSettings {
         Err(Invalid::new("enough_m", "a number > 0", enough_m))
     }
 
-    /// The same with another [`Self::most_parts`].
+    /// Replaces [`Self::most_parts`].
     ///
     /// # Errors
     /// [`Invalid`] if it is not from 1 to 10⁶.
@@ -147,7 +148,7 @@ impl ClearanceSettings {
         Err(Invalid::new("most_parts", "a whole number from 1 to 1000000", most_parts))
     }
 
-    /// The same with another [`Self::most_work`].
+    /// Replaces [`Self::most_work`].
     #[must_use]
     pub fn with_most_work(self, most_work: usize) -> Self {
         Self { most_work, ..self }
@@ -155,14 +156,14 @@ impl ClearanceSettings {
 }
 
 impl ClearanceSettings {
-    /// The lower bound, m, that suffices for this upper bound.
+    /// The lower bound (m) that is sufficient for this upper bound.
     pub(super) fn goal(&self, at_most_m: f64) -> f64 {
         self.enough_m.min(at_most_m - self.accuracy_m)
     }
 }
 
 impl Default for ClearanceSettings {
-    /// An accuracy of 2 cm up to a clearance of 2 m, in at most 400 parts and 500,000 units of work.
+    /// An accuracy of 2 cm up to a clearance of 2 m, with at most 400 parts and 500,000 units of work.
     fn default() -> Self {
         Self { accuracy_m: 0.02, enough_m: 2.0, most_parts: 400, most_work: MOST_WORK }
     }

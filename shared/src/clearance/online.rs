@@ -1,4 +1,4 @@
-//! Predictions from one state after the other, for a robot's loop.
+//! Predictions from a stream of states, for a robot's control loop.
 
 use super::interval::{ClearanceSettings, Clearances};
 use super::plan::{Footprint, Plan};
@@ -21,10 +21,10 @@ use std::sync::Arc;
 pub enum Continuity {
     /// The history continues or begins.
     Continues,
-    /// The history continues, but the human's vehicle cannot have driven this step: no plan is
+    /// The history continues, but the human's vehicle cannot have driven this step. No plan is
     /// clear until the next step ([`OnlinePredictor::departure`]).
     Departed,
-    /// The human jumped: the history was cleared and begins with this state. No plan is clear until
+    /// The human jumped. The history was cleared and begins with this state. No plan is clear until
     /// the next step.
     Restarted,
 }
@@ -32,18 +32,18 @@ pub enum Continuity {
 /// The assumption about the human's next steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum NextSteps {
-    /// The human drives like the vehicle if the vehicle can have driven the last step. If it cannot
-    /// (the person stood still, for instance), no plan is clear: every clearance is −∞.
+    /// The human drives like the vehicle if the vehicle can have driven the last step. Otherwise (if the
+    /// person stood still, for instance) no plan is clear, and every clearance is −∞.
     #[default]
     LikeLast,
-    /// The human drives like the vehicle, whatever the last step was. Clearances hold only for such
-    /// a human: they can be positive although a person stands in the way.
+    /// The human drives like the vehicle, regardless of the last step. Clearances hold only under this
+    /// assumption: they can be positive although a person stands in the way.
     AssumeVehicle,
 }
 
-/// A predictor that owns its data and keeps its own history: push each new state, then predict,
-/// then query the clearance of plans. The history is as long as the features look back. After a
-/// first round, further rounds with no longer plans do not allocate.
+/// A predictor that owns its data and its history. Push each new state, predict, then query the
+/// clearance of plans. The history is as long as the features require. After the first round, a round
+/// allocates only if its plans are longer.
 #[derive(Clone, Debug)]
 pub struct OnlinePredictor {
     predictor: Arc<Predictor>,
@@ -53,27 +53,29 @@ pub struct OnlinePredictor {
     /// Number of states that the features need.
     needed: usize,
     history: Vec<JointState>,
-    /// The human's pose before the last pushed one.
+    /// The human's pose before the last pushed state.
     before: Option<Pose>,
     algorithm: Algorithm1,
     finder: ClearanceFinder,
-    /// Whether the algorithm ran on the present history.
+    /// Whether the algorithm has run on the present history.
     predicted: bool,
     next: NextSteps,
 }
 
-/// A step in which the human moves or turns by more than this multiple of the vehicle's maximum is a jump.
+/// If the human moves or turns in a step by more than this multiple of the vehicle's maximum, the step
+/// counts as a jump.
 const JUMP: f64 = 2.0;
 
 impl OnlinePredictor {
     /// Predicts the human of `parameters` with `settings`. In the roll-outs the robot drives
-    /// straight on, at the speed of `parameters`.
-    /// [`FeatureSet::safety`](crate::features::FeatureSet::safety) computes `safety`; it returns
-    /// immediately if no feature needs it.
+    /// straight on, at the speed in `parameters`.
+    /// [`FeatureSet::safety`](crate::features::FeatureSet::safety) computes `safety`. That function
+    /// returns immediately if no feature needs safety levels.
     ///
     /// # Errors
-    /// [`Invalid`] if a parameter is not valid, the predictor's classes are unknown or their number
-    /// differs from the settings', or a feature looks back to the beginning of the drive.
+    /// [`Invalid`] if a parameter is not valid, the predictor's classes are unknown, their number
+    /// differs from the number of actions in the settings, or a feature looks back to the beginning
+    /// of the drive.
     pub fn new(
         predictor: impl Into<Arc<Predictor>>,
         safety: impl Into<Arc<SafetyLevels>>,
@@ -108,8 +110,9 @@ impl OnlinePredictor {
         })
     }
 
-    /// Predicts with the tuned choice of actions, roll-outs and ε for F_1. `further` are the ε of further sets,
-    /// rad/s, ascending from the tuned one; twice the human's turn rate admits every turn.
+    /// Predicts with the tuned choice of actions and roll-outs, and with the tuned ε for F_1. `further`
+    /// are the ε of further sets (rad/s), ascending from the tuned ε. Twice the human's turn rate admits
+    /// every turn.
     ///
     /// # Errors
     /// The errors of [`Self::new`] and of [`BoundsSettings::new`].
@@ -132,13 +135,13 @@ impl OnlinePredictor {
         Self::new(predictor, safety, parameters, settings)
     }
 
-    /// The same with other clearance settings.
+    /// Replaces the clearance settings.
     #[must_use]
     pub fn with_clearance(self, settings: ClearanceSettings) -> Self {
         Self { finder: ClearanceFinder::new(settings), ..self }
     }
 
-    /// The same with another assumption about the human's next steps.
+    /// Replaces the assumption about the human's next steps.
     #[must_use]
     pub fn with_next_steps(self, next: NextSteps) -> Self {
         Self { next, ..self }
@@ -150,7 +153,7 @@ impl OnlinePredictor {
         &self.settings
     }
 
-    /// The vehicles, and the length of a step.
+    /// The vehicles and the duration of a step.
     #[must_use]
     pub fn parameters(&self) -> &SceneParameters {
         &self.parameters
@@ -162,7 +165,7 @@ impl OnlinePredictor {
         self.needed
     }
 
-    /// The latest states, at most [`Self::states_needed`], the present one last.
+    /// The latest states, at most [`Self::states_needed`]. The last one is the present state.
     #[must_use]
     pub fn history(&self) -> &[JointState] {
         &self.history
@@ -174,7 +177,7 @@ impl OnlinePredictor {
         self.before
     }
 
-    /// Whether [`Self::predict`] has run since the latest state.
+    /// Whether [`Self::predict`] has run since the latest state was pushed.
     #[must_use]
     pub fn is_predicted(&self) -> bool {
         self.predicted
@@ -187,14 +190,15 @@ impl OnlinePredictor {
         self.predicted = false;
     }
 
-    /// Appends the state one step (`step_s` of the parameters) after the last one. If the human
-    /// moved or turned by more than twice the vehicle's maximum in a step, earlier states are
-    /// dropped. If a state was missed, call [`Self::reset`] and start again. The sets assume that
-    /// the human continues at the speed of the parameters and within its turn rate; they prove
-    /// nothing for one who stands still, or moves slower or faster. So a step that the human's
-    /// vehicle cannot have driven, to a millimetre and a milliradian, returns
-    /// [`Continuity::Departed`], and no plan is clear until the next step ([`Self::departure`]).
-    /// Positions with more noise need [`NextSteps::AssumeVehicle`].
+    /// Appends a state. It must follow the last state by one step (`step_s` of the parameters). If the
+    /// human moved or turned by more than twice the vehicle's maximum in a step, earlier states are
+    /// dropped. If a state was missed, call [`Self::reset`] and start again.
+    ///
+    /// The sets assume that the human continues at the speed of the parameters and within the maximum
+    /// turn rate. They prove nothing for a human who stands still, or who moves slower or faster.
+    /// Therefore, if the human's vehicle cannot have driven the step within a tolerance of a millimetre
+    /// and a milliradian, `push` returns [`Continuity::Departed`], and no plan is clear until the next
+    /// step ([`Self::departure`]). Positions with more noise need [`NextSteps::AssumeVehicle`].
     ///
     /// # Errors
     /// [`Invalid`] if a coordinate is not finite or beyond
@@ -218,9 +222,10 @@ impl OnlinePredictor {
         })
     }
 
-    /// Why the sets do not bound the human's next steps: the human's vehicle of the parameters
-    /// cannot have driven the last step, to a millimetre and a milliradian. `None` if it can, if
-    /// only one state is known, or with [`NextSteps::AssumeVehicle`].
+    /// The reason why the sets do not bound the human's next steps: the human's vehicle in the
+    /// parameters cannot have driven the last step within a tolerance of a millimetre and a milliradian.
+    /// `None` if it can have driven the step, if only one state is known, or with
+    /// [`NextSteps::AssumeVehicle`].
     #[must_use]
     pub fn departure(&self) -> Option<Departure> {
         let (before, last) = (self.before?, self.history.last()?);
@@ -228,12 +233,13 @@ impl OnlinePredictor {
         found.filter(|_| self.next == NextSteps::LikeLast)
     }
 
-    /// Checks that the human's vehicle of the parameters can have driven the last step, to a
-    /// millimetre and a milliradian. The sets and their probabilities assume the same of the next
-    /// steps. [`NextSteps`] has no effect here.
+    /// Checks that the human's vehicle in the parameters can have driven the last step within a
+    /// tolerance of a millimetre and a milliradian. The sets and their probabilities assume that it can
+    /// drive the next steps. [`NextSteps`] has no effect here.
     ///
     /// # Errors
-    /// [`Invalid`] if not ([`check_step`]). A single state has no step: it passes.
+    /// [`Invalid`] if the vehicle cannot have driven the step ([`check_step`]). With fewer than two
+    /// states there is no step to check.
     pub fn check_human(&self) -> Result<(), Invalid> {
         let (Some(before), Some(last)) = (self.before, self.history.last()) else { return Ok(()) };
         check_step(&self.parameters, before, last.human)
@@ -247,11 +253,11 @@ impl OnlinePredictor {
         moved > JUMP * human.speed_mps * step_s || turned > JUMP * human.turn_rate_radps * step_s
     }
 
-    /// The bounds of each set F_1 ⊆ F_2 ⊆ … from the states so far. They hold for a human who
+    /// Computes the bounds of each set F_1 ⊆ F_2 ⊆ … from the states so far. They hold for a human who
     /// drives like the vehicle; see [`Self::departure`].
     ///
     /// # Errors
-    /// [`Invalid`] if there are fewer states than the features need, or Algorithm 1 fails
+    /// [`Invalid`] if there are fewer states than the features need, or if Algorithm 1 fails
     /// ([`Algorithm1::run`]).
     pub fn predict(&mut self) -> Result<&[InputBounds], Invalid> {
         let held = self.history.len();
@@ -270,12 +276,12 @@ impl OnlinePredictor {
         Ok(&found.sets)
     }
 
-    /// The clearance of a plan that begins now from each predicted set, in each step. It is −∞
-    /// after a step that the human's vehicle cannot have driven (standing still, for instance):
-    /// [`Clearances::unproved`] returns the reason.
+    /// Computes the clearance from each predicted set, in each step, of a plan that begins now. The
+    /// clearance is −∞ after a step that the human's vehicle cannot have driven (standing still, for
+    /// instance); [`Clearances::unproved`] then returns the reason.
     ///
     /// # Errors
-    /// [`Invalid`] if there is no prediction since the last state was pushed; and the errors of
+    /// [`Invalid`] if [`Self::predict`] has not run since the last state was pushed; and the errors of
     /// [`ClearanceFinder::find`].
     pub fn clear(&mut self, plan: &Plan, footprint: &Footprint) -> Result<&Clearances, Invalid> {
         if !self.predicted {

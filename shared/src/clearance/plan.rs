@@ -1,37 +1,37 @@
-//! A robot's plan, and its footprint.
+//! A robot's plan and footprint.
 
 use crate::invalid::{Invalid, positive};
 use crate::math::{PI, hypot, sin_cos, sinc, wrap_angle};
 use crate::reach::polygon::signed_distance;
 use crate::vehicle::{Pose, dubins};
 
-/// Limits of the robot. A plan that exceeds them is rejected as a jump.
+/// Limits of the robot. A plan with a step that exceeds them is rejected.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PlanLimits {
-    /// Greatest speed along the path, forward or backward, m/s.
+    /// Maximum speed along the path, forward or backward (m/s).
     pub most_speed_mps: f64,
-    /// Greatest turn rate, rad/s.
+    /// Maximum turn rate (rad/s).
     pub most_turn_rate_radps: f64,
 }
 
-/// Relative tolerance of the limits, since poses are rounded.
+/// Tolerance of the limits, relative and absolute, for rounding errors of the poses.
 const ROUNDING: f64 = 1e-9;
 
-/// Beyond this, rounding would decide which way a step turns.
+/// Largest turn in a step (rad). For a larger turn, rounding errors would decide its direction.
 const MOST_TURN_RAD: f64 = PI - 1e-6;
 
 impl PlanLimits {
-    /// A greatest speed, m/s, and a greatest turn rate, rad/s.
+    /// Limits with a maximum speed (m/s) and a maximum turn rate (rad/s).
     #[must_use]
     pub const fn new(most_speed_mps: f64, most_turn_rate_radps: f64) -> Self {
         Self { most_speed_mps, most_turn_rate_radps }
     }
 
-    /// Accepts limits that are finite and > 0.
+    /// Checks that the limits are finite and > 0.
     ///
     /// # Errors
-    /// [`Invalid`] naming the field.
+    /// [`Invalid`], which names the field.
     pub fn check(&self) -> Result<(), Invalid> {
         positive("most_speed_mps", self.most_speed_mps)?;
         positive("most_turn_rate_radps", self.most_turn_rate_radps)?;
@@ -39,16 +39,16 @@ impl PlanLimits {
     }
 }
 
-/// The robot's planned trajectory: its poses (world frame) now and after each step ahead, T + 1 of them.
-/// (In Python a plan omits the present pose, which is that of the last state.) The first pose is
-/// not compared with the robot's pose in an [`OnlinePredictor`](super::OnlinePredictor).
+/// The robot's planned trajectory: T + 1 poses (world frame), the present pose and the pose after each
+/// step. (In Python a plan omits the present pose, which is taken from the last state.) An
+/// [`OnlinePredictor`](super::OnlinePredictor) does not compare the first pose with the robot's pose.
 ///
 /// # Between the poses
 /// In each step the robot turns at a constant rate, by the smaller angle, and drives at a constant
-/// speed on the circular arc (or the line) between the two positions. A vehicle that holds speed and
-/// turn rate within steps drives exactly so. For any other robot, grow the footprint by how far it may
-/// deviate ([`Footprint::grown`]); a robot that drives straight between the positions instead deviates
-/// by at most an eighth of the step's length times its turn in rad.
+/// speed along the circular arc (or the line) between the two positions. This is exact for a vehicle
+/// that keeps speed and turn rate constant within a step. For any other robot, grow the footprint by
+/// the largest deviation ([`Footprint::grown`]). A robot that drives straight between the positions
+/// deviates by at most an eighth of the step's length times its turn in rad.
 ///
 /// ```
 /// use sidestep::clearance::{Plan, PlanLimits};
@@ -73,13 +73,15 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The plan through `poses`, the first of which is the robot's present pose; each step takes
-    /// `step_s` s.
+    /// The plan through `poses`. The first is the robot's present pose, and each step takes `step_s`
+    /// seconds.
     ///
     /// # Errors
-    /// [`Invalid`] if there are fewer than two poses, a coordinate is not finite or beyond
-    /// [`Pose::MOST`], a step exceeds the limits (the error names the pose to which it jumps) or
-    /// turns by half a turn, so that its direction is ambiguous, or `step_s` or a limit is not > 0.
+    /// [`Invalid`] if
+    /// * there are fewer than two poses, or a coordinate is not finite or beyond [`Pose::MOST`];
+    /// * a step exceeds the limits (the error names the pose at its end) or turns by half a turn, so
+    ///   that its direction is ambiguous; or
+    /// * `step_s` or a limit is not > 0.
     pub fn new(poses: Vec<Pose>, step_s: f64, limits: PlanLimits) -> Result<Self, Invalid> {
         positive("step_s", step_s)?;
         limits.check().map_err(|invalid| invalid.within("limits"))?;
@@ -87,7 +89,7 @@ impl Plan {
         Ok(Self { step_s, limits, poses })
     }
 
-    /// The plan through `positions`, m, for a round robot: its heading stays 0, so that it drives
+    /// The plan through `positions` (m) for a round robot. The heading stays 0, and the robot drives
     /// straight from each position to the next.
     ///
     /// # Errors
@@ -101,12 +103,12 @@ impl Plan {
         Self::new(poses, step_s, limits)
     }
 
-    /// The plan of a vehicle that holds a speed, m/s (negative: backward), and a turn rate, rad/s, in
+    /// The plan of a vehicle with a constant speed (m/s, negative: backward) and turn rate (rad/s) in
     /// each step.
     ///
     /// # Errors
     /// The errors of [`Self::new`]; and [`Invalid`] if the vehicle turns by half a turn or more in
-    /// a step, since poses do not distinguish this from a turn to the other side.
+    /// a step, since poses do not distinguish such a turn from one in the opposite direction.
     pub fn driven(
         start: Pose,
         inputs: &[(f64, f64)],
@@ -128,8 +130,8 @@ impl Plan {
         Self::new(poses, step_s, limits)
     }
 
-    /// Replaces the poses; step and limits stay. Does not allocate unless there are more poses than
-    /// ever before. After an error the plan is unchanged.
+    /// Replaces the poses and keeps the step duration and the limits. Allocates only if there are more
+    /// poses than in any earlier plan. After an error the plan is unchanged.
     ///
     /// # Errors
     /// The errors of [`Self::new`].
@@ -140,25 +142,25 @@ impl Plan {
         Ok(())
     }
 
-    /// Number of steps, ≥ 1: one less than poses.
+    /// Number of steps, ≥ 1. It is one less than the number of poses.
     #[must_use]
     pub fn steps(&self) -> usize {
         self.poses.len() - 1
     }
 
-    /// Length of a step, s.
+    /// Duration of a step (s).
     #[must_use]
     pub fn step_s(&self) -> f64 {
         self.step_s
     }
 
-    /// The poses, world frame, from the present one on.
+    /// The poses (world frame), beginning with the present pose.
     #[must_use]
     pub fn poses(&self) -> &[Pose] {
         &self.poses
     }
 
-    /// The pose `seconds` after now; times before and after the plan are clamped to it.
+    /// The pose `seconds` from now. Times outside the plan are clamped to its start or end.
     #[must_use]
     pub fn pose_at(&self, seconds: f64) -> Pose {
         let steps = (seconds / self.step_s).clamp(0.0, self.steps() as f64);
@@ -203,14 +205,14 @@ fn check(poses: &[Pose], step_s: f64, limits: &PlanLimits) -> Result<(), Invalid
     Ok(())
 }
 
-/// One step of a plan: an arc.
+/// One step of a plan: a circular arc.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leg {
     from: Pose,
-    /// From the first position to the last, m.
+    /// Vector from the first position to the last (m).
     chord: [f64; 2],
     pub(super) turn_rad: f64,
-    /// Along the arc.
+    /// Length along the arc.
     pub(super) length_m: f64,
 }
 
@@ -222,8 +224,9 @@ impl Leg {
         Self { from, chord, turn_rad, length_m }
     }
 
-    /// The pose after a share of the step, from 0 to 1. The arc so far has a chord of length
-    /// ∝ share · sinc(share · turn/2), turned back by half of the remaining turn.
+    /// The pose after a fraction `share` of the step, from 0 to 1. The chord of this part of the arc has
+    /// a length ∝ share · sinc(share · turn/2). Relative to the full chord, it is rotated back by half
+    /// of the remaining turn.
     pub(super) fn pose(&self, share: f64) -> Pose {
         let half = 0.5 * self.turn_rad;
         let scale = share * sinc(share * half) / sinc(half);
@@ -236,16 +239,17 @@ impl Leg {
         }
     }
 
-    /// How far a point fixed to the robot, `reach_m` from its position, can be from the chord of its
-    /// own path in a part of the step, m: an eighth of the acceleration times the time squared.
+    /// Upper bound (m) on the distance of a point fixed to the robot, `reach_m` from its position, from
+    /// the chord of the point's path in a fraction `part` of the step. The bound is an eighth of the
+    /// acceleration times the time squared.
     pub(super) fn bulge_m(&self, reach_m: f64, part: f64) -> f64 {
         let turn = self.turn_rad.abs();
         turn * (self.length_m + turn * reach_m) * part * part / 8.0
     }
 }
 
-/// The ground that a robot covers: everything within a margin of a convex polygon that is fixed to it.
-/// A disc is the margin of a single corner.
+/// The area that a robot covers: all points within a margin of a convex polygon that is fixed to the
+/// robot. A disc is a polygon with a single corner and a margin.
 ///
 /// ```
 /// use sidestep::clearance::Footprint;
@@ -259,14 +263,14 @@ impl Leg {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Footprint {
-    /// Counter-clockwise, in the robot's frame (x ahead, y to the left), m.
+    /// Counter-clockwise, in the robot's frame (x ahead, y to the left; m).
     corners: Vec<[f64; 2]>,
     margin_m: f64,
-    /// Distance of the farthest corner from the robot's position, m.
+    /// Distance of the farthest corner from the robot's position (m).
     reach_m: f64,
 }
 
-/// The largest length of a footprint, m.
+/// The largest length that a footprint accepts (m).
 const MOST_M: f64 = 1e4;
 
 impl Footprint {
@@ -279,10 +283,10 @@ impl Footprint {
         Ok(Self { margin_m: length("radius_m", radius_m)?, ..point })
     }
 
-    /// The convex hull of points in the robot's frame (x ahead, y to the left), m.
+    /// The convex hull of points in the robot's frame (x ahead, y to the left; m).
     ///
     /// # Errors
-    /// [`Invalid`] if there is no point, or one is not within 10⁴ m.
+    /// [`Invalid`] if there is no point, or a point is not within 10⁴ m of the robot's position.
     pub fn polygon(points: &[[f64; 2]]) -> Result<Self, Invalid> {
         if points.is_empty() {
             return Err(Invalid::new("points", "at least one", "none"));
@@ -294,23 +298,23 @@ impl Footprint {
         Ok(Self { corners: hull(points), margin_m: 0.0, reach_m })
     }
 
-    /// The same, grown on all sides: by the radius of a person's body, or by how far the robot may
-    /// deviate from its plan.
+    /// Adds to the margin, for example the radius of a person's body, or the robot's largest deviation
+    /// from its plan.
     ///
     /// # Errors
-    /// [`Invalid`] if the margin is not from 0 to 10⁴ m.
+    /// [`Invalid`] if the added or the resulting margin is not from 0 to 10⁴ m.
     pub fn grown(mut self, margin_m: f64) -> Result<Self, Invalid> {
         self.margin_m = length("margin_m", self.margin_m + length("margin_m", margin_m)?)?;
         Ok(self)
     }
 
-    /// The corners of the polygon, counter-clockwise in the robot's frame, m.
+    /// The corners of the polygon, counter-clockwise in the robot's frame (m).
     #[must_use]
     pub fn corners(&self) -> &[[f64; 2]] {
         &self.corners
     }
 
-    /// How far the footprint extends beyond the polygon, m.
+    /// The margin: how far the footprint extends beyond the polygon (m).
     #[must_use]
     pub fn margin_m(&self) -> f64 {
         self.margin_m
@@ -320,7 +324,7 @@ impl Footprint {
         self.reach_m
     }
 
-    /// Distance, m, of a position (world frame) from the robot at `pose`; ≤ 0 if it is covered.
+    /// Distance (m) of a position (world frame) from the robot at `pose`; ≤ 0 if the robot covers it.
     #[must_use]
     pub fn distance_m(&self, pose: Pose, position: [f64; 2]) -> f64 {
         Placed::new(self, pose).distance_m(position)
@@ -342,7 +346,7 @@ impl<'a> Placed<'a> {
         Self { footprint, pose, sin, cos }
     }
 
-    /// Distance, m, of a position (world frame); ≤ 0 if it is covered.
+    /// Distance (m) of a position (world frame) from the footprint; ≤ 0 if the footprint covers it.
     pub(super) fn distance_m(&self, [x, y]: [f64; 2]) -> f64 {
         let Self { footprint, pose, sin, cos } = self;
         let (dx, dy) = (x - pose.x, y - pose.y);
@@ -354,8 +358,8 @@ impl<'a> Placed<'a> {
         metres - footprint.margin_m
     }
 
-    /// The corner of the polygon that is least far along a direction (unit vector, world frame), m
-    /// from `origin`.
+    /// The corner of the polygon with the smallest coordinate along a direction (unit vector, world
+    /// frame), as a vector from `origin` (m).
     pub(super) fn least_along(&self, origin: [f64; 2], along: [f64; 2]) -> [f64; 2] {
         let Self { footprint, pose, sin, cos } = self;
         let (ahead, left) = (cos * along[0] + sin * along[1], cos * along[1] - sin * along[0]);

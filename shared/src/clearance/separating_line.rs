@@ -1,4 +1,4 @@
-//! How far a plan stays clear of where the human may be.
+//! The clearance of a plan from the positions that the human can reach.
 
 use super::branch_and_bound::{Search, Setting};
 use super::interval::{Clearance, ClearanceSettings, Clearances};
@@ -9,18 +9,19 @@ use crate::math::PI;
 use crate::plausibility::Departure;
 use crate::vehicle::Pose;
 
-/// Where the human may be: the nested sets of a prediction, for a human who keeps driving like the
-/// vehicle. ([`OnlinePredictor`](super::OnlinePredictor) checks the last step; callers that build a
-/// future themselves call [`departure`](crate::plausibility::departure).)
+/// The nested sets of a prediction. They contain the human's positions as long as the human drives
+/// like the vehicle. ([`OnlinePredictor`](super::OnlinePredictor) checks this for the last step.
+/// Callers that build a `HumanFuture` themselves should call
+/// [`departure`](crate::plausibility::departure).)
 #[derive(Clone, Copy, Debug)]
 pub struct HumanFuture<'a> {
-    /// The human's pose now, world frame.
+    /// The human's present pose (world frame).
     pub start: Pose,
-    /// The bounds of each set F_1 ⊆ F_2 ⊆ …, all with the same steps: at least one.
+    /// The bounds of each set F_1 ⊆ F_2 ⊆ …: at least one set, all with the same number of steps.
     pub sets: &'a [InputBounds],
-    /// The human's speed, m/s.
+    /// The human's speed (m/s).
     pub speed_mps: f64,
-    /// Length of a step, s.
+    /// Duration of a step (s).
     pub step_s: f64,
 }
 
@@ -46,7 +47,7 @@ impl HumanFuture<'_> {
         Ok(())
     }
 
-    /// Accepts a set that contains the one before and turns by at most half a turn a step.
+    /// Checks that set `j` contains the previous set and turns by at most half a turn in each step.
     fn check_set(&self, j: usize, set: &InputBounds) -> Result<(), Invalid> {
         let smaller = &self.sets[j.saturating_sub(1)];
         if set.steps() != smaller.steps() {
@@ -73,16 +74,17 @@ impl HumanFuture<'_> {
     }
 }
 
-/// Finds clearances of one plan after the other with the same buffers: after a first plan, plans
-/// with no more sets, steps and turns do not allocate.
+/// Computes the clearances of plans, one after the other, and reuses its buffers. After the first
+/// plan, plans that do not have more sets, more steps or larger turns cause no allocation.
 ///
 /// # Method
-/// A line between robot and human proves that they are apart. For each direction, dynamic
-/// programming over the heading, with a line above the cosine in each piece of time, bounds from
-/// above how far the human can get (`farthest`). The bound is valid whatever directions and lines
-/// are chosen. As long as it is below the distance of the nearest drive found, branch and bound
-/// halves the drives (by their heading at some instant) or the time, and searches both halves
-/// (`search`). The method also works for sets that are not convex, and at any turn rate.
+/// A separating line between robot and human proves that they do not touch. For each direction,
+/// dynamic programming over the heading gives an upper bound on how far the human can get, with a
+/// line above the cosine in each time interval (`upper_bound`). The bound is valid for every choice of
+/// directions and lines. While the proved distance is too far below the distance of the nearest drive
+/// found, branch and bound halves the drives (by their heading at some instant) or the time interval,
+/// and searches both halves (`branch_and_bound`). The method also works for non-convex sets and at
+/// any turn rate.
 ///
 /// # Example
 /// ```
@@ -101,7 +103,7 @@ impl HumanFuture<'_> {
 /// let plan = Plan::of_positions(&[[3.0, 0.0]; 6], 0.2, limits)?;
 /// let mut finder = ClearanceFinder::default();
 /// let found = finder.find(&future, &plan, &Footprint::disc(0.4)?)?;
-/// // After 1 s the human has come 2 m nearer.
+/// // After 1 s the human is 2 m nearer.
 /// let clearance = found.of(1);
 /// assert!(clearance.at_least_m <= 0.6 && 0.6 <= clearance.at_most_m + 1e-9);
 /// assert!(clearance.at_most_m - clearance.at_least_m <= 0.02);
@@ -127,11 +129,12 @@ impl ClearanceFinder {
         &self.found
     }
 
-    /// The clearance of `plan` from each set of the human's future, in each step. Both begin now.
+    /// Computes the clearance of `plan` from each set of `future` in each step. Both begin at the same
+    /// instant.
     ///
-    /// [`Invalid`] if the steps of plan and sets differ, the sets are not nested, one turns by more
-    /// than half a turn in a step, or a number is not finite.
-    /// turns by more than half a turn in a step, or a number is not finite.
+    /// # Errors
+    /// [`Invalid`] if the steps of the plan and the sets differ, the sets are not nested, a set turns by
+    /// more than half a turn in a step, or a number is not finite.
     pub fn find(
         &mut self,
         future: &HumanFuture<'_>,
@@ -144,7 +147,7 @@ impl ClearanceFinder {
         self.found.all.clear();
         self.found.all.resize(future.sets.len() * steps, Clearance::NONE);
         let (mut left, mut undecided) = (settings.most_work, future.sets.len() * steps);
-        // From the largest set down: its lower bounds hold for the sets inside.
+        // The largest set comes first, because its lower bounds also hold for the sets inside it.
         for (j, set) in future.sets.iter().enumerate().rev() {
             let (start, speed_mps, step_s) = (future.start, future.speed_mps, future.step_s);
             let setting = Setting { start, speed_mps, step_s, plan, footprint, settings };
@@ -159,7 +162,7 @@ impl ClearanceFinder {
                 undecided -= 1;
             }
         }
-        // A drive of a smaller set is one of the larger sets as well.
+        // A drive of a smaller set is also a drive of the larger sets.
         for i in steps..self.found.all.len() {
             let smaller = self.found.all[i - steps].at_most_m;
             let all = &mut self.found.all[i];
@@ -168,11 +171,11 @@ impl ClearanceFinder {
         Ok(&self.found)
     }
 
-    /// [`Self::find`], unless the human did not drive like the vehicle in the last step
-    /// (`departed`): then every clearance is −∞, and [`Clearances::unproved`] returns the reason.
+    /// Like [`Self::find`] if `departed` is `None`. Otherwise the human did not drive like the vehicle
+    /// in the last step: then every clearance is −∞, and [`Clearances::unproved`] returns the reason.
     ///
     /// # Errors
-    /// As for [`Self::find`].
+    /// The errors of [`Self::find`].
     pub fn find_unless(
         &mut self,
         departed: Option<Departure>,

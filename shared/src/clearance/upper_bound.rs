@@ -1,11 +1,11 @@
-//! How far the human can get in a direction: an upper bound, and a drive that comes close to it.
+//! An upper bound on how far the human can get in a direction, and a drive that comes close to it.
 //!
-//! The distance along direction α is v∫cos(θ − α), where θ(t) is the heading. In each piece of
-//! time, a line above the cosine, over all headings that are possible there, replaces it. The
-//! result is linear in the headings at the ends of pieces, and dynamic programming finds its
-//! maximum exactly: the value function (the remaining gain) is concave and piecewise linear in the
-//! heading. The maximum is an upper bound **for any choice of lines** above the cosine; good lines
-//! touch the cosine at the best drive.
+//! The distance along direction α is v∫cos(θ − α), where θ(t) is the heading. In each piece, a line
+//! that is nowhere below the cosine, for all headings possible in the piece, replaces the cosine.
+//! The result is linear in the headings at the ends of the pieces, apart from a concave gain per
+//! turn. Dynamic programming finds its maximum: the value function (the remaining gain) is concave
+//! and piecewise linear in the heading. The maximum is an upper bound **for any choice of lines**
+//! above the cosine. Good lines touch the cosine at the best drive.
 
 use super::headings::{Piece, Tube};
 use crate::math::{PI, TAU, cos, sin_cos, sinc};
@@ -23,7 +23,7 @@ impl Line {
         Self { at_zero: y - slope * x, slope }
     }
 
-    /// The tangent of the cosine at x.
+    /// The tangent to the cosine at x.
     fn tangent(x: f64) -> Self {
         let (sin, cos) = sin_cos(x);
         Self::through(x, cos, -sin)
@@ -43,8 +43,8 @@ impl Line {
             return Self { slope: -mirrored.slope, ..mirrored };
         }
         // Now −π/2 < lo and hi < 3π/2, since the middle is at most π. Up to π/2 the cosine is
-        // concave and below its tangents; beyond, it is convex. So a tangent of the concave part is
-        // above the cosine if it is above it at the upper end.
+        // concave and lies below its tangents. Beyond π/2 it is convex. So a tangent to the concave
+        // part is above the cosine everywhere if it is above the cosine at the upper end.
         let nearest = 0.0_f64.clamp(lo, hi);
         for place in [touch.clamp(lo, hi), nearest] {
             if place.abs() <= FRAC_PI_2 {
@@ -54,7 +54,7 @@ impl Line {
                 }
             }
         }
-        // The nearest place is the lower end here, and the chord from there is above the cosine.
+        // Here `nearest` is the lower end, and the chord from the lower end is above the cosine.
         let (at_lo, at_hi) = (cos(lo), cos(hi));
         let width = hi - lo;
         if width < NO_WIDTH_RAD {
@@ -64,26 +64,26 @@ impl Line {
     }
 }
 
-/// In a range this narrow the cosine is constant, rad.
+/// In a narrower range (rad) the cosine counts as constant.
 const NO_WIDTH_RAD: f64 = 1e-9;
 
-/// A linear part of a concave function. Slopes are stored minus the function's tilt.
+/// A linear segment of a concave function. The stored slope excludes the function's tilt.
 #[derive(Clone, Copy, Debug)]
 struct Segment {
     slope: f64,
     length: f64,
 }
 
-/// A concave, piecewise linear function on an interval: its slopes fall.
+/// A concave, piecewise linear function on an interval. The slopes of its segments decrease.
 #[derive(Clone, Debug, Default)]
 struct Concave {
     from: f64,
     to: f64,
-    /// Its value at `from`.
+    /// Value at `from`.
     value: f64,
-    /// To be added to all slopes.
+    /// Slope to add to the slopes of all segments.
     tilt: f64,
-    /// Those before `first` are no longer used.
+    /// Segments before index `first` are no longer used.
     segments: Vec<Segment>,
     first: usize,
 }
@@ -96,15 +96,15 @@ impl Concave {
         self.segments.push(Segment { slope: 0.0, length: to - from });
     }
 
-    /// Adds slope · θ.
+    /// Adds the linear function slope · θ.
     fn tilt(&mut self, slope: f64) {
         self.value += slope * self.from;
         self.tilt += slope;
     }
 
-    /// Replaces f(θ) by the maximum over a turn δ of f(θ + δ) plus the gain of the turn itself: a
-    /// parabola that is 0 at both ends of [least, most], where its slopes are ±`gain` per rad. The
-    /// envelope of tangents, which is above the parabola, replaces it.
+    /// Replaces f(θ) by the maximum, over the turn δ, of f(θ + δ) plus the gain of the turn. The gain
+    /// is a parabola in δ that is 0 at both ends of [least, most], with slopes ±`gain` per rad there.
+    /// It is approximated from above by the lower envelope of some of its tangents.
     fn turn(&mut self, least: f64, most: f64, gain: f64) {
         self.from -= most;
         self.to -= least;
@@ -116,14 +116,14 @@ impl Concave {
         }
         let last = (TANGENTS - 1) as f64;
         self.insert(core::array::from_fn::<_, TANGENTS, _>(|i| {
-            // The tangents at both ends are half as long as the others.
+            // The first and the last segment of the envelope are half as long as the others.
             let weight = if i == 0 || i + 1 == TANGENTS { 0.5 } else { 1.0 };
             let slope = gain * (1.0 - 2.0 * i as f64 / last) - self.tilt;
             Segment { slope, length: (most - least) * weight / last }
         }));
     }
 
-    /// Inserts segments with falling slopes, from the last one on.
+    /// Merges `further`, whose slopes decrease, into the segments. Works from the last segment back.
     fn insert<const N: usize>(&mut self, further: [Segment; N]) {
         let mut end = self.segments.len();
         self.segments.extend_from_slice(&further);
@@ -136,7 +136,7 @@ impl Concave {
         }
     }
 
-    /// Restricts the function to [from, to], which is in the domain up to rounding.
+    /// Restricts the function to [from, to], which lies in the domain up to rounding errors.
     fn clip(&mut self, from: f64, to: f64) {
         while let Some(segment) = self.segments.get_mut(self.first).filter(|_| from > self.from) {
             let cut = (from - self.from).min(segment.length);
@@ -160,7 +160,7 @@ impl Concave {
         self.first = self.first.min(self.segments.len());
     }
 
-    /// The range of arguments at which it is largest.
+    /// The interval in which the function has its maximum.
     fn best(&self) -> (f64, f64) {
         let mut place = self.from;
         let mut best = (place, place);
@@ -179,35 +179,36 @@ impl Concave {
     }
 }
 
-/// Number of tangents of a parabola, equally spaced.
+/// Number of equally spaced tangents that approximate a parabola.
 const TANGENTS: usize = 3;
 
-/// Slopes that differ by less count as equal.
+/// Slopes of at most this magnitude count as 0.
 const SAME_SLOPE: f64 = 1e-12;
 
-/// Upper bounds on how far drives get in a direction; buffers are reused.
+/// Computes upper bounds on how far drives get in a direction. Reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Farthest {
     gain: Concave,
     lines: Vec<Line>,
-    /// Where the gain is largest, after each piece.
+    /// The headings with the largest gain, after each piece.
     best: Vec<(f64, f64)>,
-    /// The headings of the drive, at the start and after each piece.
+    /// The headings of the drive that comes close to the bound, at the start and after each piece.
     drive: Vec<f64>,
     /// Two saved drives.
     kept: [Vec<f64>; 2],
-    /// Where lines should touch the cosine; empty at first.
+    /// The headings at which lines should touch the cosine; empty at first.
     touch: Vec<f64>,
 }
 
-/// The angle to subtract from headings to see them relative to a direction, with the middle of
-/// their range in (−π, π].
+/// The angle to subtract from headings to make them relative to direction `alpha`. The middle of
+/// their range is then in (−π, π].
 pub(super) fn turns_away(alpha: f64, (lo, hi): (f64, f64)) -> f64 {
     let middle = 0.5 * (lo + hi) - alpha;
     alpha + TAU * ((middle - PI) / TAU).ceil()
 }
 
-/// The end of the drive through headings, at a constant rate in each piece; and the last heading.
+/// The end of the drive with these headings at the knots and a constant turn rate in each piece
+/// (s of travel), and its last heading.
 fn follow(pieces: &[Piece], mut headings: impl Iterator<Item = f64>) -> ([f64; 2], f64) {
     let mut place = [0.0; 2];
     let mut from = headings.next().unwrap_or(0.0);
@@ -236,12 +237,12 @@ impl Farthest {
         }
     }
 
-    /// Resets where lines should touch.
+    /// Resets the headings at which lines should touch the cosine.
     pub(super) fn begin(&mut self) {
         self.touch.clear();
     }
 
-    /// Moves the points where lines touch the cosine nearer to the last drive.
+    /// Moves the points where lines touch the cosine toward the headings of the last drive.
     pub(super) fn touch_drive(&mut self) {
         let middles = self.drive.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
         if self.touch.len() == self.drive.len() - 1 {
@@ -255,8 +256,8 @@ impl Farthest {
         }
     }
 
-    /// An upper bound on ∫cos(θ − α) over the drives in the tube, s of travel. It also finds a
-    /// drive that comes close to the bound.
+    /// An upper bound on ∫cos(θ − α) over the drives in the tube (s of travel). Also finds a drive
+    /// that comes close to the bound.
     pub(super) fn bound(&mut self, tube: &Tube, alpha: f64) -> f64 {
         let pieces = &tube.pieces;
         self.lines.clear();
@@ -264,8 +265,8 @@ impl Farthest {
             let shift = turns_away(alpha, (lo, hi));
             let touch = match self.touch.get(k) {
                 Some(touch) => touch - shift,
-                // A drive that keeps as near to the direction as possible has the mean of these
-                // headings in the middle of the piece.
+                // A drive that stays as near to the direction as possible has about the mean of these
+                // two headings in the middle of the piece.
                 None => {
                     let nearest = |knot: usize| shift.max(tube.lo[knot]).min(tube.hi[knot]);
                     0.5 * (nearest(k) + nearest(k + 1)) - shift
@@ -283,8 +284,8 @@ impl Farthest {
             let Piece { seconds, lo, hi } = pieces[k];
             let line = self.lines[k];
             constant += line.at_zero * seconds;
-            // The integral of a heading is that of the chord between its ends, plus at most the
-            // gain from turning one way first: a parabola in the turn.
+            // The integral of the heading is the integral of the chord between its end values, plus
+            // a gain from turning first to one side. The largest gain is a parabola in the turn.
             let half = 0.5 * seconds * line.slope;
             self.gain.tilt(half);
             self.best[k + 1] = self.gain.best();
@@ -296,7 +297,8 @@ impl Farthest {
         constant + self.gain.value
     }
 
-    /// Follows the largest gains from the start; among equal ones, the nearest to the direction.
+    /// Follows the headings with the largest gain from the start. Of several, it takes the heading
+    /// nearest to the direction.
     fn find_drive(&mut self, tube: &Tube, alpha: f64) {
         self.drive.clear();
         let mut heading = tube.lo[0];
@@ -312,29 +314,30 @@ impl Farthest {
         }
     }
 
-    /// Where the drive ends, s of travel from its start in the world's axes, and its last heading.
+    /// The end of the drive, relative to its start (s of travel, world axes), and its last heading.
     pub(super) fn end(&self, tube: &Tube) -> ([f64; 2], f64) {
         follow(&tube.pieces, self.drive.iter().copied())
     }
 
-    /// Saves the drive, as the first or the second.
+    /// Saves the drive as the first (0) or the second (1) saved drive.
     pub(super) fn keep(&mut self, place: usize) {
         self.kept[place].clone_from(&self.drive);
     }
 
-    /// The end of a drive between the first (share 0) and the second (1) saved drive, both in this
-    /// tube. Bounds on headings and rates are convex, so they admit every drive in between.
+    /// The end of a drive that is interpolated between the first (share 0) and the second (share 1)
+    /// saved drive. Both are in this tube. The constraints on headings and rates are convex, so they
+    /// admit every interpolated drive.
     pub(super) fn end_between(&self, tube: &Tube, share: f64) -> ([f64; 2], f64) {
         follow(&tube.pieces, self.between(share))
     }
 
-    /// The headings of that drive.
+    /// The headings of the interpolated drive.
     fn between(&self, share: f64) -> impl Iterator<Item = f64> {
         let [first, second] = &self.kept;
         first.iter().zip(second).map(move |(a, b)| a + share * (b - a))
     }
 
-    /// How far the last lines are above the cosine along that drive.
+    /// How far the last lines are above the cosine along the interpolated drive.
     pub(super) fn looseness(&self, tube: &Tube, alpha: f64, share: f64) -> Looseness {
         let mut found = Looseness { seconds: 0.0, knot: 0, heading: 0.0 };
         let mut most = 0.0;
@@ -357,12 +360,12 @@ impl Farthest {
     }
 }
 
-/// By how much a bound may be too large.
+/// An estimate of how much too large a bound is.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Looseness {
-    /// In total, s of travel.
+    /// In total (s of travel).
     pub(super) seconds: f64,
-    /// The knot that adds most, and the heading there; 0 if there is none.
+    /// The knot that contributes most, and the drive's heading there. The knot is 0 if no knot does.
     pub(super) knot: usize,
     pub(super) heading: f64,
 }
@@ -389,7 +392,7 @@ mod tests {
         }
     }
 
-    /// Compares the maximum over turns with all turns of a fine grid.
+    /// Compares the maximum over turns with every turn on a fine grid.
     #[test]
     fn a_turn_gains_at_least_its_parabola() {
         let mut rng = SeededRng::new(2);
