@@ -2,6 +2,7 @@
 //! commands, and shows its view and its picture.
 
 mod address;
+mod surroundings;
 mod canvas;
 mod clock;
 mod dom;
@@ -17,13 +18,13 @@ pub mod simulator;
 pub mod solver;
 mod storage;
 mod tabs;
+mod execute;
 
 use self::clock::Clock;
 use self::dom::Dom;
 use self::storage::Storage;
-use crate::runtime::{
-    Command, Commands, Evaluate, Event, Failure, Offer, PNG_OF_SVG, Page, PageContext, Solving,
-};
+use self::surroundings::{context, place};
+use crate::runtime::{Commands, Event, Page, PageContext};
 use js_sys::{Function, Promise, Reflect};
 use sidestep::picture::Picture;
 use std::any::Any;
@@ -33,7 +34,7 @@ use std::pin::Pin;
 use std::rc::Rc;
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::JsFuture;
-use web_sys::{Blob, Document, HtmlElement, Window};
+use web_sys::{Document, HtmlElement, Window};
 
 /// Opens a page and runs it until the tab is closed.
 pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
@@ -110,13 +111,6 @@ fn load_simulator<P: Page>(shell: &Shell<P>) {
     }
 }
 
-fn place() -> Option<(Window, Document, HtmlElement)> {
-    let window = web_sys::window()?;
-    let document = window.document()?;
-    let root = document.get_element_by_id("app")?.dyn_into().ok()?;
-    Some((window, document, root))
-}
-
 /// Shows a message after a panic. Only the document can be trusted then, so the message is written
 /// there directly.
 fn show_crash() {
@@ -124,33 +118,6 @@ fn show_crash() {
         root.set_text_content(Some(
             "Something went wrong. Please reload this page; nothing that was saved is lost.",
         ));
-    }
-}
-
-/// The context that a page gets when it opens, without its stored records.
-fn context(window: &Window) -> PageContext {
-    let screen = window.screen().ok();
-    let width = screen.as_ref().and_then(|screen| screen.width().ok()).unwrap_or(0);
-    let height = screen.as_ref().and_then(|screen| screen.height().ok()).unwrap_or(0);
-    let (window_width, window_height, ratio) = window_size(window);
-    let languages = window.navigator().languages();
-    PageContext {
-        address: address::current(window),
-        languages: languages.iter().filter_map(|language| language.as_string()).collect(),
-        // A device without any pointer counts as one with a keyboard.
-        touch_only: matches(window, "(any-pointer: coarse)")
-            && !matches(window, "(any-pointer: fine), (any-hover: hover)"),
-        reduced_motion: matches(window, "(prefers-reduced-motion: reduce)"),
-        screen: vec![
-            ("screen_width_px", width.into()),
-            ("screen_height_px", height.into()),
-            ("window_width_px", window_width),
-            ("window_height_px", window_height),
-            ("device_pixel_ratio", ratio),
-        ],
-        time_origin_ms: window.performance().map_or(0.0, |clock| clock.time_origin()),
-        random_name: random_name(window),
-        ..PageContext::default()
     }
 }
 
@@ -163,26 +130,6 @@ fn wish(object: &JsValue, method: &str) {
             let _ = JsFuture::from(promise).await;
         });
     }
-}
-
-/// Whether a media query matches.
-fn matches(window: &Window, query: &str) -> bool {
-    window.match_media(query).ok().flatten().is_some_and(|query| query.matches())
-}
-
-/// The width and height of the window's content (CSS pixels), and the number of device pixels per
-/// CSS pixel.
-fn window_size(window: &Window) -> (f64, f64, f64) {
-    let number =
-        |value: Result<JsValue, JsValue>| value.ok().and_then(|v| v.as_f64()).unwrap_or(0.0);
-    (number(window.inner_width()), number(window.inner_height()), window.device_pixel_ratio())
-}
-
-/// 32 random hexadecimal digits.
-fn random_name(window: &Window) -> Option<String> {
-    let mut bytes = [0; 16];
-    window.crypto().ok()?.get_random_values_with_u8_array(&mut bytes).ok()?;
-    Some(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
 struct Shell<P: Page> {
@@ -399,212 +346,6 @@ impl<P: Page + 'static> Pump<P> {
             Some(Some(ms)) => self.dispatch_now((solid.drawn)(ms)),
             Some(None) => {}
         }
-    }
-
-    fn apply(&self, commands: Commands<P::Msg>) {
-        for command in commands {
-            self.apply_one(command);
-        }
-    }
-
-    fn apply_one(&self, command: Command<P::Msg>) {
-        let mut shell = self.shell.borrow_mut();
-        match command {
-            Command::Send(request) => {
-                let name = request.name;
-                let number = shell.begin(name);
-                let (sent, answer, then) = net::send(&shell.window, request);
-                shell.underway.push(Underway { name, number, _work: Box::new(sent) });
-                let pump = self.clone();
-                background(async move {
-                    let answer = answer.await;
-                    pump.finish(number, || then(answer));
-                });
-            }
-            Command::Wake { timer, after_ms, message } => {
-                let number = shell.begin(timer);
-                shell.underway.push(Underway { name: timer, number, _work: Box::new(()) });
-                let pump = self.clone();
-                let wake = Closure::once_into_js(move || pump.finish(number, || message));
-                let _ = shell.window.set_timeout_with_callback_and_timeout_and_arguments_0(
-                    wake.unchecked_ref(),
-                    shell.clock.browser_ms(after_ms),
-                );
-            }
-            // This arm removes the code below from pages that never solve.
-            Command::Solve { .. } if !P::solves() => {}
-            Command::Solve { name, task, then } => {
-                let number = shell.begin(name);
-                let address = shell.root.get_attribute("data-solver").unwrap_or_default();
-                let (pump, report) = (self.clone(), Rc::clone(&then));
-                let report = move |solving| {
-                    let is_over = !matches!(solving, Solving::Done(_));
-                    if is_over {
-                        pump.finish(number, || report(solving));
-                    } else if pump.shell.borrow().holds(number) {
-                        pump.dispatch_now(report(solving));
-                    }
-                };
-                match solver::Solver::start(&address, &task, report) {
-                    Ok(solver) => {
-                        let _work = Box::new(solver);
-                        shell.underway.push(Underway { name, number, _work });
-                    }
-                    Err(_) => {
-                        let why = "This browser cannot start the solver.".to_owned();
-                        let message = then(Solving::Failed(why));
-                        self.queue.borrow_mut().push_back((message, shell.clock.now_ms()));
-                    }
-                }
-            }
-            Command::Evaluate(_) if !P::solves() => {}
-            Command::Evaluate(evaluate) => {
-                let Evaluate { name, part, content, then } = evaluate();
-                let known = shell.underway.iter().find(|underway| underway.name == name);
-                let known = known.and_then(|it| it._work.downcast_ref::<evaluator::Evaluator>());
-                if let Some(evaluator) = known {
-                    evaluator.tell(part, &content);
-                    return;
-                }
-                let number = shell.begin(name);
-                let address = shell.root.get_attribute("data-evaluator").unwrap_or_default();
-                let (pump, report) = (self.clone(), Rc::clone(&then));
-                let report = move |answer| {
-                    if pump.shell.borrow().holds(number) {
-                        pump.dispatch_now(report(answer));
-                    }
-                };
-                match evaluator::Evaluator::start(&address, report) {
-                    Ok(evaluator) => {
-                        evaluator.tell(part, &content);
-                        let _work = Box::new(evaluator);
-                        shell.underway.push(Underway { name, number, _work });
-                    }
-                    Err(_) => {
-                        let sentence = "This browser cannot start the evaluator.".to_owned();
-                        let message = then(Err(Failure { sentence, ..Failure::unreachable() }));
-                        self.queue.borrow_mut().push_back((message, shell.clock.now_ms()));
-                    }
-                }
-            }
-            Command::Follow { .. } if !P::follows() => {}
-            Command::Follow { name, url, then } => {
-                let number = shell.begin(name);
-                let pump = self.clone();
-                let hear = move || {
-                    if pump.shell.borrow().holds(number) {
-                        pump.dispatch_now(then());
-                    }
-                };
-                let _work = Box::new(follow::Follower::start(&shell.document, url, hear));
-                shell.underway.push(Underway { name, number, _work });
-            }
-            Command::Cancel(name) => shell.underway.retain(|underway| underway.name != name),
-            // If a user leaves while a film is being recorded, the film so far is still wanted. End
-            // the recording; the film is then offered for download.
-            Command::CancelAll if P::offers_files() => {
-                shell.underway.retain(|underway| {
-                    underway._work.downcast_ref::<film::Film>().map(film::Film::end).is_some()
-                });
-            }
-            Command::CancelAll => shell.underway.clear(),
-            Command::Keep { .. } if !P::keeps() => {}
-            Command::Keep { name, text, then } => {
-                let kept = shell.storage.keep(&name, &text);
-                let pump = self.clone();
-                background(async move {
-                    let kept = kept.await;
-                    pump.dispatch_now(then(kept));
-                });
-            }
-            Command::Forget(_) if !P::keeps() => {}
-            Command::Forget(name) => shell.storage.forget(&name),
-            Command::Language(tag) => {
-                if let Some(element) = shell.document.document_element() {
-                    let _ = element.set_attribute("lang", &tag);
-                }
-            }
-            Command::TakeOver(name) => {
-                let pump = self.clone();
-                let lost = move || {
-                    let now_ms = pump.shell.borrow().clock.now_ms();
-                    pump.report(&Event::TakenOver, now_ms);
-                };
-                shell.claims.retain(|claim| claim.name() != name);
-                shell.claims.extend(tabs::Claim::new(&name, lost));
-            }
-            Command::GuardLeaving(on) => {
-                let guard = on.then(|| listen::Listener::guard(&shell.window)).flatten();
-                shell.guard = guard;
-            }
-            Command::Fullscreen(true) => {
-                if let Some(all) = shell.document.document_element() {
-                    wish(&all, "requestFullscreen");
-                }
-            }
-            Command::Fullscreen(false) => wish(&shell.document, "exitFullscreen"),
-            Command::Offer(_) if !P::offers_files() => {}
-            Command::Offer(offer) => match offer() {
-                Offer::File { name, media_type: PNG_OF_SVG, content } => {
-                    files::offer_picture(&shell.document, &content, name);
-                }
-                Offer::File { name, media_type, content } => {
-                    files::offer(&shell.document, &name, media_type, &content);
-                }
-                Offer::Film { name, canvas, file, then } => {
-                    let number = shell.begin(name);
-                    let (pump, document, then_ended) =
-                        (self.clone(), shell.document.clone(), Rc::clone(&then));
-                    let ended = move |film: Result<Blob, String>| {
-                        let offered = film.and_then(|film| {
-                            files::offer_blob(&document, &file, &film)
-                                .map_err(|_| "The browser did not accept the film.".to_owned())
-                        });
-                        // Drop the film only after this listener, which belongs to it, has
-                        // returned.
-                        let (pump, then) = (pump.clone(), Rc::clone(&then_ended));
-                        background(async move { pump.finish(number, || then(offered)) });
-                    };
-                    match film::Film::begin(&shell.document, canvas, ended) {
-                        Ok(film) => {
-                            shell.underway.push(Underway { name, number, _work: Box::new(film) });
-                        }
-                        Err(why) => {
-                            let message = then(Err(why));
-                            self.queue.borrow_mut().push_back((message, shell.clock.now_ms()));
-                        }
-                    }
-                }
-                Offer::EndOfFilm(name) => {
-                    let films = shell.underway.iter().filter(|underway| underway.name == name);
-                    let film = films.filter_map(|it| it._work.downcast_ref::<film::Film>()).next();
-                    film.map(film::Film::end).unwrap_or_default();
-                }
-            },
-            Command::ReplaceAddress(url) => address::replace(&shell.window, &url),
-            Command::Visit(url) => {
-                let (now_ms, window) = (shell.clock.now_ms(), shell.window.clone());
-                drop(shell);
-                if !self.visit(&url, now_ms) {
-                    let _ = window.location().assign(&url);
-                }
-            }
-            Command::Leave(url) => {
-                let _ = shell.window.location().assign(&url);
-            }
-        }
-    }
-
-    /// Completes a request, timer or solve: delivers its message, unless the work was cancelled.
-    fn finish(&self, number: u32, message: impl FnOnce() -> P::Msg) {
-        {
-            let mut shell = self.shell.borrow_mut();
-            if !shell.holds(number) {
-                return;
-            }
-            shell.end(number);
-        }
-        self.dispatch_now(message());
     }
 
     /// Navigates to an address within this page, without loading it. Returns whether the page can

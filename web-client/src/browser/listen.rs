@@ -1,7 +1,8 @@
 //! Event listeners on the document. They are removed when they are dropped.
 
 use super::canvas::SizeWatcher;
-use super::{Pump, address, background, fields, files, window_size};
+use super::surroundings::window_size;
+use super::{Pump, address, background, fields, files};
 use crate::form::{Does, FieldValue, Pointing};
 use crate::runtime::{Event, Page};
 use crate::view::{Handler, POINTS};
