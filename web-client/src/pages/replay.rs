@@ -7,6 +7,8 @@ mod finder;
 mod chances;
 mod panes;
 mod keys;
+mod playing;
+mod link;
 mod view;
 
 use self::chances::{Chances, Tasks};
@@ -14,7 +16,9 @@ use self::chart::Strip;
 use self::choice::{Ask, Choice, Pane};
 use self::finder::Finder;
 use self::keys::Key;
+use self::link::first_choice;
 use self::panes::{Beside, FIRST_BESIDE};
+use self::playing::{FILM, Playing};
 use super::models::Offered;
 use super::moment;
 use super::parts;
@@ -27,12 +31,10 @@ use crate::view::Node;
 use sidestep::api::{TrialDetail, routes, trial_heading};
 use sidestep::picture::Picture;
 use sidestep::scene::Evader;
+use sidestep::trial_view::Playback;
 use sidestep::trial_view::layers::LAYERS;
-use sidestep::trial_view::source::Source;
 use sidestep::trial_view::style::{Palette, Sets};
 use sidestep::trial_view::view::View;
-use sidestep::trial_view::{Playback, Recorded};
-use std::rc::Rc;
 
 /// The page of one trial.
 pub enum ReplayPage {
@@ -151,12 +153,6 @@ impl ReplayPage {
     }
 }
 
-/// The predictor that the address names for the first pane.
-fn first_choice(address: &Address) -> Choice {
-    let query = address.query.iter().map(|(name, value)| (name.as_str(), value.as_str()));
-    Choice::new(Pane::First, Source::of_query(query).unwrap_or_default().0)
-}
-
 impl Page for ReplayPage {
     type Msg = Msg;
 
@@ -258,78 +254,7 @@ pub struct Replay {
     unfilmed: Option<String>,
 }
 
-/// Times of playback, on the page's clock.
-#[derive(Clone, Copy)]
-struct Playing {
-    /// The time up to which it has played (ms).
-    until_ms: f64,
-    /// The time of the last update of the numbers (ms).
-    shown_ms: f64,
-}
-
-/// Interval between two updates of the numbers (ms). Faster changes would be unreadable.
-const NUMBERS_EVERY_MS: f64 = 60.0;
-
 impl Replay {
-    /// The replay of a trial as the address describes it.
-    fn open(
-        trial: TrialDetail,
-        address: &Address,
-        now_ms: f64,
-    ) -> Result<(Self, Commands<Msg>), String> {
-        let query = || address.query.iter().map(|(name, value)| (name.as_str(), value.as_str()));
-        let looked = View::of_query(query());
-        let sources = Source::of_query(query());
-        let misread = looked.as_ref().err().or(sources.as_ref().err());
-        let misread = misread.map(|invalid| {
-            let what = if looked.is_err() { "view" } else { "choice of predictors" };
-            format!("The link is not valid, so the default {what} is shown: {invalid}.")
-        });
-        let misread = misread.or_else(|| {
-            parts::unknown(address, &[&View::NAMES, &Source::NAMES, &View::PAGE_NAMES])
-        });
-        let (view, (_, beside)) = (looked.unwrap_or_default(), sources.unwrap_or_default());
-        let TrialDetail { parameters, scene, inputs, states, .. } = trial.clone();
-        let playback = Playback::new(Recorded { parameters, scene, inputs, states })
-            .map_err(|invalid| invalid.to_string())?;
-        let in_a_row = address.parameter("row").is_some();
-        let ids = Evader::ALL.map(|evader| trial.value_function(evader));
-        let mut replay = Self {
-            sources: Sources::new(&trial.parameters, ids, Msg::ValueFunction),
-            choice: first_choice(address),
-            tasks: None,
-            chances: Chances::default(),
-            offered: Offered::Asked,
-            finder: None,
-            strip: Strip::new(&trial, &playback),
-            trial,
-            playback,
-            beside: None,
-            view,
-            in_a_row,
-            playing: None,
-            filming: false,
-            shows_legend: address.parameter("legend") != Some("no"),
-            shows_numbers: address.parameter("numbers") == Some("yes"),
-            picture: Picture::default(),
-            trouble: None,
-            misread,
-            unfilmed: None,
-        };
-        if in_a_row {
-            replay.playing = Some(Playing { until_ms: now_ms, shown_ms: now_ms });
-        }
-        let mut commands = replay.sources.begin();
-        // If the server must answer, its answer about the predictor is already being loaded.
-        if let Ask::Nobody(method) = replay.choice.ask(&replay.trial.summary.trial_id) {
-            replay.take(Pane::First, method.map(|method| *method));
-        }
-        commands.push(Offered::ask(&replay.trial.study, Msg::Analyses));
-        commands.extend(beside.map(|source| replay.show_beside(source)).into_iter().flatten());
-        replay.show();
-        Ok((replay, commands))
-    }
-
     fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
         let mut commands = Vec::new();
         if matches!(message, Msg::Link) {
@@ -444,29 +369,6 @@ impl Replay {
         commands
     }
 
-    /// The link to the current view.
-    fn address(&self) -> String {
-        self.link(&self.trial.summary.trial_id, &self.view)
-    }
-
-    fn link(&self, trial_id: &str, view: &View) -> String {
-        let said =
-            |name: &str, differs: bool| if differs { name.to_owned() } else { String::new() };
-        let row = said("row=yes", self.in_a_row);
-        let legend = said("legend=no", !self.shows_legend);
-        let numbers = said("numbers=yes", self.shows_numbers);
-        let beside = self.beside.as_ref().map_or_else(String::new, |it| it.choice.query());
-        let parts = [self.choice.query(), beside, view.query(), row, legend, numbers];
-        let parts: Vec<String> = parts.into_iter().filter(|part| !part.is_empty()).collect();
-        let mark = if parts.is_empty() { "" } else { "?" };
-        format!("/lab/replay/{trial_id}{mark}{}", parts.join("&"))
-    }
-
-    /// The link to another trial in the same view, from the start of the trial.
-    fn link_to(&self, trial_id: &str) -> String {
-        self.link(trial_id, &View { time_s: 0.0, ..self.view.clone() })
-    }
-
     fn title(&self) -> String {
         let TrialDetail { study, summary, synthetic, .. } = &self.trial;
         trial_heading(study, summary.participant_number, &summary.scene_words(), *synthetic)
@@ -518,65 +420,6 @@ impl Replay {
         self.update(message, now_ms)
     }
 
-    fn is_playing(&self) -> bool {
-        self.playing.is_some()
-    }
-
-    fn play_or_pause(&mut self, now_ms: f64) {
-        if self.playing.take().is_none() {
-            if self.view.time_s >= self.playback.duration_s() {
-                self.view.time_s = 0.0;
-            }
-            self.playing = Some(Playing { until_ms: now_ms, shown_ms: now_ms });
-        }
-    }
-
-    /// Moves by this many steps. From a time within a step, the first step back leads to the start
-    /// of that step.
-    fn step(&mut self, by: i32) {
-        let (step_s, now) = (self.trial.parameters.step_s, self.playback.now());
-        let is_between = now.time_s > (now.step as f64 + 1e-6) * step_s;
-        let from = now.step as i32 + i32::from(is_between && by < 0);
-        let last = self.trial.inputs.len() as i32;
-        self.view.time_s = f64::from((from + by).clamp(0, last)) * step_s;
-    }
-
-    /// Continues playback to `now_ms`. Returns a message when the numbers must be updated.
-    fn play_to(&mut self, now_ms: f64) -> Option<Msg> {
-        let playing = self.playing.as_mut()?;
-        let seconds = (now_ms - playing.until_ms).max(0.0) / 1000.0;
-        playing.until_ms = now_ms;
-        let is_due = now_ms - playing.shown_ms >= NUMBERS_EVERY_MS;
-        if is_due {
-            playing.shown_ms = now_ms;
-        }
-        let end_s = self.playback.duration_s();
-        self.view.time_s = (self.view.time_s + self.view.speed * seconds).min(end_s);
-        if self.view.time_s >= end_s {
-            self.playing = None;
-            return Some(Msg::Frame);
-        }
-        if is_due {
-            return Some(Msg::Frame);
-        }
-        self.show();
-        None
-    }
-
-    /// Films the playback from the current time to the end or to the next pause.
-    fn film(&mut self, now_ms: f64) -> Commands<Msg> {
-        self.playing = None;
-        self.play_or_pause(now_ms);
-        (self.filming, self.unfilmed) = (true, None);
-        let file = self.file_name("webm");
-        vec![Command::offer(Offer::Film {
-            name: FILM,
-            canvas: CANVAS,
-            file,
-            then: Rc::new(Msg::Filmed),
-        })]
-    }
-
     /// At the end of playback, goes to the next trial if the user wants that. A film contains only
     /// one trial.
     fn at_the_end(&self) -> Commands<Msg> {
@@ -623,5 +466,3 @@ const LINK: &str = "link";
 /// Delay before the link is updated (ms), because browsers limit how often a page may change its
 /// address.
 const LINK_AFTER_MS: f64 = 250.0;
-/// The name of the film.
-const FILM: &str = "film";
