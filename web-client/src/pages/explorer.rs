@@ -7,19 +7,21 @@ mod areas;
 mod beside;
 mod controls;
 mod sets;
+mod keys;
+mod link;
 mod view;
 
 use self::areas::Areas;
+use self::keys::key;
 use self::predictor::Choice;
 use self::tuning::Tuning;
 use super::coverage::Coverage;
-use super::moment::fit;
 use super::parts;
 use super::safety::Sources;
 use crate::form::FieldValue;
 use crate::json;
 use crate::runtime::{
-    Address, Answer, Command, Commands, Event, Failure, Offer, Page, Request, Solving, read,
+    Address, Answer, Command, Commands, Event, Failure, Page, Request, Solving, read,
 };
 use crate::view::Node;
 use sidestep::api::{Drives, routes, trial_heading};
@@ -195,20 +197,6 @@ impl Page for ExplorerPage {
     }
 }
 
-/// The message that the key with this code triggers, if any.
-fn key(code: &str) -> Option<Msg> {
-    Some(match code {
-        "ArrowLeft" => Msg::Step(-1),
-        "ArrowRight" => Msg::Step(1),
-        "PageUp" => Msg::Step(-5),
-        "PageDown" => Msg::Step(5),
-        "KeyP" => Msg::Next(-1),
-        "KeyN" => Msg::Next(1),
-        "KeyC" => Msg::Colours,
-        _ => return None,
-    })
-}
-
 /// The explorer of a participant's tasks.
 pub struct Explorer {
     participant_id: String,
@@ -235,86 +223,11 @@ pub struct Explorer {
     misread: Option<String>,
 }
 
-/// The link parameters that only the explorer itself uses.
-const NAMES: [&str; 2] = ["trial", "count"];
-
 /// Delay before the link is updated (ms), because browsers limit how often a page may change its
 /// address.
 const LINK_AFTER_MS: f64 = 250.0;
 
 impl Explorer {
-    /// Opens the tasks in the view that the address describes.
-    fn open(
-        id: &str,
-        address: &Address,
-        drives: Drives,
-        content: Vec<u8>,
-    ) -> Result<(Self, Commands<Msg>), String> {
-        if drives.data_deleted {
-            return Err("The data of this participant were deleted.".to_owned());
-        }
-        let (choice, unknown) = Choice::of(address);
-        let mut misread: Vec<String> = unknown.into_iter().collect();
-        let named = address.parameter("trial");
-        let task = named.and_then(|id| drives.tasks.iter().position(|it| it.trial_id == id));
-        if named.is_some() && task.is_none() {
-            misread.push("The trial in the link is not a task of this participant.".to_owned());
-        }
-        let task = task.unwrap_or(0);
-        let Some(drive) = drives.tasks.get(task) else {
-            return Err("This participant has no tasks yet.".to_owned());
-        };
-        let turn_rate = drives.parameters.human.turn_rate_radps;
-        let mut wanted = PRESETS[0].settings(ACTIONS).for_turn_rate(turn_rate);
-        let mut view = View::default();
-        for (name, value) in &address.query {
-            if let Err(invalid) = wanted.set(name, value).and_then(|()| view.set(name, value)) {
-                misread.push(format!("The link is not valid: {invalid}."));
-            }
-        }
-        misread.extend(fit(&mut view, wanted.steps));
-        misread.extend(parts::unknown(
-            address,
-            &[&NAMES, &ShfrsFile::NAMES, &Choice::NAMES, &View::NAMES],
-        ));
-        let counts_all = match address.parameter("count") {
-            None | Some("unseen") => false,
-            Some("all") => true,
-            Some(other) => {
-                misread.push(format!(
-                    "The link has count={other}: expected count=all, or no count for the tasks that did not train the \
-                     predictor."
-                ));
-                false
-            }
-        };
-        let playback = Playback::new(drive.recorded(drives.parameters))
-            .map_err(|invalid| invalid.to_string())?;
-        let ids = [drives.value_function_hr.as_deref(), drives.value_function_rh.as_deref()];
-        let mut explorer = Self {
-            participant_id: id.to_owned(),
-            task,
-            sources: Sources::new(&drives.parameters, ids, Msg::ValueFunction),
-            choice,
-            complaint: wanted.settings(ACTIONS).err(),
-            wanted,
-            coverage: Coverage::new(counts_all),
-            areas: Areas::default(),
-            tuning: Tuning::default(),
-            playback,
-            view,
-            picture: Picture::default(),
-            trouble: None,
-            misread: (!misread.is_empty()).then(|| misread.join(" ")),
-            drives,
-            content,
-        };
-        let mut commands = explorer.sources.begin();
-        commands.extend(explorer.choice.begin(&explorer.drives));
-        explorer.show();
-        Ok((explorer, commands))
-    }
-
     fn update(&mut self, message: Msg) -> Commands<Msg> {
         let before = self.address();
         let mut commands = match message {
@@ -463,16 +376,6 @@ impl Explorer {
         Vec::new()
     }
 
-    /// The link to the current view.
-    fn address(&self) -> String {
-        let trial = format!("trial={}", self.drives.tasks[self.task].trial_id);
-        let all = if self.coverage.counts_all { "count=all" } else { "" };
-        let parts =
-            [trial, self.wanted.query(), self.choice.query(), self.view.query(), all.to_owned()];
-        let parts: Vec<String> = parts.into_iter().filter(|part| !part.is_empty()).collect();
-        format!("/lab/explorer/{}?{}", self.participant_id, parts.join("&"))
-    }
-
     fn title(&self) -> String {
         let Drives { study, number, synthetic, .. } = &self.drives;
         trial_heading(study, *number, "explorer", *synthetic)
@@ -559,16 +462,6 @@ impl Explorer {
         picture.tell("data-trial", &self.drives.tasks[self.task].trial_id);
         self.playback.paint(&self.view, picture);
     }
-
-    /// The settings as a file for download.
-    fn file(&self) -> Command<Msg> {
-        let content = json::write(&self.wanted) + "\n";
-        Command::offer(Offer::File {
-            name: FILE.to_owned(),
-            media_type: "application/json",
-            content: content.into_bytes(),
-        })
-    }
 }
 
 /// The value of a slider, formatted as in a link.
@@ -581,6 +474,3 @@ const ACTIONS: usize = 3;
 
 /// The canvas element's id.
 const CANVAS: &str = "explorer";
-
-/// Name of the settings file.
-const FILE: &str = "shfrs-settings.json";

@@ -6,12 +6,16 @@ use crate::json;
 use crate::pages::coverage::worded;
 use crate::pages::moment::{select, switch};
 use crate::pages::parts::{alert, button};
+use crate::runtime::{Command, Offer};
 use crate::view::{self, el};
 use sidestep::bounds::Rollout;
 use sidestep::chart::{fixed, number};
 use sidestep::shfrs::file::{MOST_SETS, MOST_STEPS, PRESETS, ShfrsFile};
 
 type Node = view::Node<Msg>;
+
+/// Name of the settings file.
+const FILE: &str = "shfrs-settings.json";
 
 /// Buttons for the paper's settings.
 pub(super) fn presets(explorer: &Explorer) -> Node {
@@ -157,7 +161,7 @@ pub(super) fn file(explorer: &Explorer) -> Node {
         "sidestep shfrs --database DATABASE --study {study} --participant {number}{} \
          --settings {} {} --out shfrs",
         flags.as_deref().unwrap_or_default(),
-        super::FILE,
+        FILE,
         explorer.tuning.flags()
     );
     let is_right = explorer.complaint.is_none() && explorer.is_valid();
@@ -192,4 +196,16 @@ pub(super) fn file(explorer: &Explorer) -> Node {
                 .child(area)
                 .children(said(explorer, &["JSON", "format"])),
         )
+}
+
+impl Explorer {
+    /// The settings as a file for download.
+    pub(super) fn file(&self) -> Command<Msg> {
+        let content = json::write(&self.wanted) + "\n";
+        Command::offer(Offer::File {
+            name: FILE.to_owned(),
+            media_type: "application/json",
+            content: content.into_bytes(),
+        })
+    }
 }
