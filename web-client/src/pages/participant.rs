@@ -8,10 +8,12 @@ mod link;
 mod arena;
 mod equipment;
 mod state;
+mod requests;
 mod sending;
 mod course;
 mod answers;
 mod joining;
+mod picture;
 mod view;
 #[cfg(test)]
 mod tests;
@@ -19,22 +21,16 @@ mod tests;
 use self::equipment::Steering;
 use self::link::Link;
 use self::state::{PlannedTrial, Session, Stage};
-use crate::drive;
 use crate::form::Form;
 use crate::input::HeldKeys;
 use crate::json;
 use crate::outbox::{self, Outbox};
-use crate::runtime::{Answer, Command, Commands, Event, NotKept, Page, PageContext, Request, read};
+use crate::runtime::{Answer, Command, Commands, Event, NotKept, Page, PageContext, read};
 use crate::texts::Sentences as _;
 use crate::view::Node;
-use sidestep::api::{Completed, Progress, StudyInfo, Texts, routes};
-use sidestep::chart::colours;
-use sidestep::picture::stage;
-use sidestep::picture::{Picture, Shape};
-use sidestep::scene::{JointState, Scene};
+use sidestep::api::{Completed, Progress, StudyInfo, Texts};
+use sidestep::picture::Picture;
 use sidestep::study::AfterWrong;
-use sidestep::trial::Phase;
-use sidestep::vehicle::Pose;
 use std::rc::Rc;
 
 /// Pause before a retry (ms).
@@ -233,67 +229,6 @@ impl Participant {
 
     fn session_name(&self) -> String {
         self.study.as_ref().map_or_else(String::new, |study| self.link.session_name(study))
-    }
-
-    fn ask(
-        &self,
-        name: &'static str,
-        method: &'static str,
-        url: impl Into<String>,
-        body: Option<String>,
-        then: fn(Answer) -> Msg,
-    ) -> Command<Msg> {
-        let token = self.session.as_ref().map(|session| session.token.clone());
-        Command::Send(Request { method, token, body, ..Request::get(name, url, then) })
-    }
-
-    fn ask_study(&self) -> Command<Msg> {
-        let mut url = routes::study(&self.link.slug);
-        if let (true, Some(study)) = (self.is_named, &self.study)
-            && let Some(id) = self.link.external_id(study)
-        {
-            url.push_str("?external_id=");
-            for part in id.chars() {
-                // Of the characters allowed in ids, these two have another meaning in a query.
-                match part {
-                    '+' => url.push_str("%2B"),
-                    ' ' => url.push_str("%20"),
-                    other => url.push(other),
-                }
-            }
-        }
-        self.ask("study", "GET", url, None, Msg::Study)
-    }
-
-    /// Requests the texts in the chosen language or, if none is chosen, in a language that the
-    /// browser prefers.
-    fn ask_texts(&self) -> Command<Msg> {
-        let mut url = routes::texts(&self.link.slug);
-        if let Some(tag) = &self.language {
-            url.extend(["?language=", tag]);
-        }
-        self.ask("texts", "GET", url, None, Msg::Texts)
-    }
-
-    fn ask_progress(&self) -> Command<Msg> {
-        self.ask("progress", "GET", routes::ME, None, Msg::Progress)
-    }
-
-    fn ask_code(&self) -> Command<Msg> {
-        self.ask("complete", "POST", routes::COMPLETE, None, Msg::Completed)
-    }
-
-    /// Labels with the names of both vehicles, beside the vehicles.
-    fn labels(&self, state: JointState) -> [Shape; 2] {
-        let label = |pose: Pose, name: &Rc<str>, colour| Shape::Label {
-            at: pose.position(),
-            text: Rc::clone(name),
-            colour,
-        };
-        [
-            label(state.human, &self.names[0], colours::HUMAN),
-            label(state.robot, &self.names[1], colours::ROBOT),
-        ]
     }
 
     fn hear_event(&mut self, event: &Event, now_ms: f64) -> Commands<Msg> {
@@ -495,38 +430,7 @@ impl Page for Participant {
     }
 
     fn draw(&self, at_ms: f64, picture: &mut Picture) -> bool {
-        let (trial, state, step) = match &self.stage {
-            Stage::Instructions(arena) => {
-                arena.draw(picture);
-                picture.extend(self.labels(arena.state()));
-                return true;
-            }
-            Stage::Countdown(trial, ..) => (trial, trial.scene.scene().start(), 0),
-            Stage::Driving(trial, drive) => (trial, drive.state_at(at_ms), drive.step_at(at_ms)),
-            Stage::Over(trial, state, ..) => {
-                (trial, *state, self.study.as_ref().map_or(0, |study| study.parameters.steps))
-            }
-            _ => return false,
-        };
-        let scene = trial.scene.scene();
-        picture.begin("scene", drive::window(&scene, state));
-        picture.tell("data-step", step);
-        picture.tell("data-phase", trial.phase.word());
-        picture.tell("data-trial", trial.id());
-        // The danger zone is drawn only in some phases.
-        if let (true, Some(study)) = (trial.show_danger_zone, &self.study) {
-            let radius_m = study.parameters.danger_radius_m;
-            picture.push(stage::danger_zone(state.robot, radius_m));
-        }
-        picture.extend(stage::vehicles_and_goal(&scene, state));
-        if self.link.simulates() {
-            picture.tell("data-scene", told(&scene));
-        }
-        // In later scenes, names beside moving vehicles would distract.
-        if matches!(self.stage, Stage::Countdown(..)) || trial.phase == Phase::Familiarisation {
-            picture.extend(self.labels(state));
-        }
-        true
+        self.draw_stage(at_ms, picture)
     }
 
     fn owns_key(&self, code: &str) -> bool {
@@ -545,19 +449,4 @@ impl Page for Participant {
             _ => {}
         }
     }
-}
-
-/// The scene for programs: x, y and heading of the human and of the robot, and the goal.
-fn told(scene: &Scene) -> String {
-    let numbers = [
-        scene.human.x,
-        scene.human.y,
-        scene.human.psi,
-        scene.robot.x,
-        scene.robot.y,
-        scene.robot.psi,
-        scene.goal[0],
-        scene.goal[1],
-    ];
-    json::write(&numbers)
 }
