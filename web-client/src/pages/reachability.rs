@@ -3,20 +3,19 @@
 
 mod found;
 mod keys;
+mod pointing;
 mod view;
 
 use self::found::Found;
 use self::keys::Key;
 use super::parts;
-use crate::form::{Does, FieldValue, Pointing};
+use crate::form::{FieldValue, Pointing};
 use crate::runtime::{Address, Command, Commands, Event, Offer, PNG_OF_SVG, Page, Solid, Solving};
 use crate::task::Task;
 use crate::view::Node;
 use sidestep::chart::{Drawing, Layer};
 use sidestep::reachability::{Method, ValueFunction};
-use sidestep::value_view::{
-    Map, Orbit, Play, RING, Shown, TONES, View, ZOOM_PERCENT, play, slices, tube,
-};
+use sidestep::value_view::{Map, Orbit, Play, RING, Shown, TONES, View, play, slices, tube};
 use std::rc::Rc;
 
 /// The page.
@@ -197,92 +196,11 @@ impl Reachability {
         }
     }
 
-    /// Moves the cross-hair to a position in the window. Rounds it to a millimetre.
-    fn aim(&mut self, at_m: [f64; 2]) {
-        let Some(found) = &self.found else { return };
-        let window = found.window();
-        self.view.at_m = [0, 1].map(|d| {
-            let metres = at_m[d].clamp(window.low[d], window.high[d]);
-            (1000.0 * metres).round() / 1000.0
-        });
-        self.pointer = None;
-    }
-
-    fn point(&mut self, pointing: Pointing) {
-        let at = self.found.as_ref().and_then(|found| found.at(pointing.at.map(f64::from)));
-        match (pointing.does, at) {
-            (Does::Hover | Does::Drag, at) => self.pointer = at,
-            (Does::Press, Some(at)) => {
-                self.aim(at);
-                self.view.plays = true;
-            }
-            (Does::Press | Does::Roll(_), _) => {}
-        }
-    }
-
-    fn press(&mut self, key: Key) {
-        let Some(found) = &self.found else { return };
-        match key {
-            Key::Move([right, up]) if self.view.shown == Shown::Tube => {
-                let [around, above] = self.view.turned_deg;
-                self.look_from([around - 5 * i16::from(right), above - 5 * i16::from(up)]);
-            }
-            Key::Zoom(by) => self.zoom(1.1_f64.powi(by.into())),
-            Key::Move(by) => {
-                let step = found.key_step_m();
-                let from = self.at_m();
-                self.aim([0, 1].map(|d| from[d] + step * f64::from(by[d])));
-            }
-            Key::Turn(by) => self.turn(by),
-            Key::Play => {
-                self.aim(self.at_m());
-                self.view.plays = true;
-            }
-            Key::Forget => self.view.plays = false,
-            Key::Show(shown) => self.view.shown = shown,
-        }
-    }
-
-    /// Turns the tube with the pointer that has grabbed it, or scales the tube with the wheel.
-    fn hold(&mut self, Pointing { at, does }: Pointing) {
-        match does {
-            Does::Press => self.held = Some((at, self.view.turned_deg)),
-            Does::Drag => {
-                if let Some((from, [around, above])) = self.held {
-                    // A drag across the whole width is a full turn. A drag across the whole height
-                    // is half a turn.
-                    let [right, down] = [0, 1].map(|d| at[d] - from[d]);
-                    let turned = [around - (360.0 * right) as i16, above + (180.0 * down) as i16];
-                    self.look_from(turned);
-                }
-            }
-            Does::Roll(px) => self.zoom(if px > 0.0 { 1.0 / 1.1 } else { 1.1 }),
-            Does::Hover => self.held = None,
-        }
-    }
-
-    fn look_from(&mut self, [around, above]: [i16; 2]) {
-        let around = (i32::from(around) + 180).rem_euclid(360) as i16 - 180;
-        self.view.turned_deg = [around, above.clamp(-90, 90)];
-    }
-
-    fn zoom(&mut self, times: f64) {
-        let [low, high] = ZOOM_PERCENT;
-        let percent = (times * f64::from(self.view.zoom_percent)).round() as u16;
-        self.view.zoom_percent = percent.clamp(low, high);
-    }
-
     /// How the tube and its box are viewed.
     fn orbit(&self, found: &Found) -> Orbit {
         let zoom = f64::from(self.view.zoom_percent) / 100.0;
         let width = self.widths()[0].min(SOLID_PX);
         Orbit::new(found.window(), self.view.turned_deg, zoom, [width, SOLID_HEIGHT * width])
-    }
-
-    /// Changes the relative heading by this number of degrees.
-    fn turn(&mut self, by_deg: i16) {
-        let psi = (i32::from(self.view.psi_deg) + i32::from(by_deg)).rem_euclid(360);
-        self.view.psi_deg = psi as u16;
     }
 
     /// Widths of the map and of the world's picture (px). They are side by side if there is enough
