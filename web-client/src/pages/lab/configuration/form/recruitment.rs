@@ -1,0 +1,102 @@
+//! The section of the form on how people come to the study and where they go from it.
+
+use super::{Form, Section};
+use crate::pages::lab::configuration::document::number;
+use crate::pages::lab::configuration::edit::Edit;
+use crate::pages::parts::count;
+use crate::view::el;
+use serde_json::{Value, json};
+
+impl Form<'_> {
+    pub(super) fn recruitment(&self) -> Section {
+        let fields = &self.fields;
+        let preset = |service: &str, name: &str, edit: Edit| {
+            let button_name = format!("fill-{service}");
+            fields.button(&button_name, edit, &button_name).class("choice").text(name)
+        };
+        let fill = |external: Value, required: bool, record: Value, hosts: Value| {
+            Edit::Fill(vec![
+                ("recruitment.external_id", external),
+                ("recruitment.require_external_id", required.into()),
+                ("recruitment.record", record),
+                ("recruitment.return_hosts", hosts),
+            ])
+        };
+        let presets = el("div")
+            .class("choices field wide")
+            .attrs(&[("role", "group"), ("aria-label", "Fill in for a service")])
+            .child(el("span").class("quiet").text("Fill in for"))
+            .children([
+                preset(
+                    "prolific",
+                    "Prolific",
+                    fill(
+                        json!(["PROLIFIC_PID"]),
+                        true,
+                        json!(["STUDY_ID", "SESSION_ID"]),
+                        json!(["app.prolific.com"]),
+                    ),
+                ),
+                preset("sona", "SONA", fill(json!(["survey_code"]), true, json!([]), json!([]))),
+                preset(
+                    "mturk",
+                    "MTurk",
+                    fill(json!(["workerId"]), true, json!(["assignmentId", "hitId"]), json!([])),
+                ),
+                preset(
+                    "own",
+                    "links of your own",
+                    fill(json!(["external_id"]), false, json!([]), json!([])),
+                ),
+            ]);
+        let link = |field: &str, label: &str| {
+            let hint = "From the service, such as \
+                        https://app.prolific.com/submissions/complete?cc=CODE; empty: none.";
+            fields.line(&format!("recruitment.{field}"), label, hint)
+        };
+        let rows = vec![
+            presets,
+            fields.number(
+                "recruitment.quota",
+                "Participants who complete, at most",
+                "",
+                "0: no limit.",
+            ),
+            fields.number("recruitment.hold_min", "A place is held for", "min", ""),
+            fields.names(
+                "recruitment.external_id",
+                "Parameters of the link with the person’s id",
+                "Separated by commas. If a link has several of them, the first in this list is used.",
+            ),
+            fields.tick(
+                "recruitment.require_external_id",
+                "Require such an id",
+                "",
+            ),
+            fields.names("recruitment.record", "Other parameters of the link to store", ""),
+            fields.names(
+                "recruitment.return_hosts",
+                "Hosts that participants may be sent back to",
+                "Such as app.prolific.com.",
+            ),
+            link("completed_url", "Return link after completion"),
+            link("screened_out_url", "Return link for people who are screened out"),
+            link("withdrawn_url", "Return link for people who withdraw"),
+            link("finished_url", "Return link for people who come again after they have finished"),
+            link("full_url", "Return link for people who come when the study is full"),
+            link("closed_url", "Return link for people who come when the study is closed"),
+        ];
+        let quota = number(self.study(), "recruitment.quota").unwrap_or_default();
+        Section {
+            name: "Recruitment",
+            path: "recruitment",
+            said: if quota > 0.0 {
+                format!("up to {}", count(quota, "participant"))
+            } else {
+                "no limit".to_owned()
+            },
+            is_open: false,
+            fields: rows,
+        }
+    }
+}
