@@ -21,6 +21,7 @@
 //! The tube is made the same way: in each piece the positions passed on the way are added
 //! ([`Piece::add_passed`]).
 
+mod edges;
 mod swept;
 mod lines;
 
@@ -30,8 +31,9 @@ use super::paths::{Paths, unit};
 use crate::math::{PI, cbrt};
 use nalgebra::Complex;
 
+use edges::{Corner, Edge, cross};
 use lines::{coarsen, loosen, outside_by, polyline};
-use swept::{Corner, Curve, Edge, cross};
+use swept::Curve;
 
 type Point = Complex<f64>;
 

@@ -2,7 +2,7 @@
 
 use super::super::paths::unit;
 use super::super::sampling::to_segment;
-use super::swept::{Corner, Edge, cross};
+use super::edges::{Corner, Edge, cross};
 use super::{MOST_CORNERS, Point};
 use crate::math::{PI, atan2};
 
