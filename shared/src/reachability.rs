@@ -16,6 +16,7 @@ mod value_function;
 mod slice_curves;
 mod checksum;
 mod transport;
+mod options;
 mod solve;
 pub mod npz;
 mod surface;
@@ -26,14 +27,13 @@ pub use exact::{ExactState, ExactValue};
 pub use game::{Game, Inputs, Players, TERMS};
 pub use games::{AffineArrays, ControlAffine, DoubleIntegrator, DubinsCar, RelativeDubins};
 pub use grid::{Axis, Boundary, Grid};
+pub use options::{ACCURACIES, Accuracy, CartesianGrid, METHODS, Method, Options, Precision};
 pub use progress::{MEMORY_LIMIT_BYTES, Progress, SolveError};
 pub use pursuit::PursuitGame;
 pub use sampled::{Nodes, SampledState, SampledValue};
 pub use scheme::Scheme;
 pub use slice_curves::CurveSettings;
-pub use solve::{
-    ACCURACIES, Accuracy, CartesianGrid, METHODS, Method, Options, Precision, Solved, solve,
-};
+pub use solve::{Solved, solve};
 pub use surface::{Sampling, Surface};
 pub use transport::QUANTUM_M;
 pub use value_function::{ValueFunction, ValueState};
