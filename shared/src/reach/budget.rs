@@ -1,7 +1,7 @@
-//! Budgets of work for queries, and their cancellation by the caller.
+//! Work budgets of queries, and cancellation by the caller.
 //!
-//! Work is counted, not timed, so that answers are the same on every machine and in every run. A
-//! unit is about the cost of comparing two edges; more expensive operations count as several.
+//! Work is counted, not timed, so that results are the same on every machine and in every run. A
+//! unit is about the cost of comparing two edges; more expensive operations count as several units.
 
 use core::cell::{Cell, RefCell};
 use core::ops::ControlFlow;
@@ -23,16 +23,16 @@ pub struct Cancelled;
 /// Approximate largest number of units of work between two progress reports.
 const BETWEEN_REPORTS: usize = 10_000;
 
-/// The callback that decides whether to continue.
+/// The caller's callback, which decides whether to continue.
 type Report<'a> = RefCell<&'a mut dyn FnMut(Progress) -> ControlFlow<()>>;
 
-/// The remaining work.
+/// The remaining work of a query.
 pub(super) struct Budget<'a> {
     units: usize,
     left: Cell<usize>,
     aside: Cell<usize>,
     spent: Cell<bool>,
-    /// Remaining units at the next progress report.
+    /// When `left` falls to this number of units, the next progress report is due.
     next_report: Cell<usize>,
     report: Option<&'a dyn Fn(Progress) -> ControlFlow<()>>,
     cancelled: Cell<bool>,
@@ -66,8 +66,8 @@ impl<'a> Budget<'a> {
         if budget.is_cancelled() { Err(Cancelled) } else { Ok(done) }
     }
 
-    /// Subtracts units. If there are too few, or the caller has cancelled, the budget is spent: the
-    /// computation stops at its next check and leaves an unfinished result.
+    /// Subtracts units. If too few are left, or if the caller cancels, the budget counts as spent. The
+    /// computation then stops at its next check and leaves an unfinished result.
     pub(super) fn spend(&self, units: usize) {
         let left = self.left.get();
         self.left.set(left.saturating_sub(units));
@@ -90,7 +90,8 @@ impl<'a> Budget<'a> {
         }
     }
 
-    /// Sets aside one of `parts` equal parts of the remaining units until [`Self::give_back`].
+    /// Sets aside one of `parts` equal parts of the remaining units until [`Self::give_back`]. Returns
+    /// their number.
     pub(super) fn set_aside(&self, parts: usize) -> usize {
         let units = self.left.get() / parts;
         self.left.set(self.left.get() - units);
@@ -99,7 +100,7 @@ impl<'a> Budget<'a> {
         units
     }
 
-    /// Gives back the units set aside; those spent since stay spent.
+    /// Gives back the units set aside. Units spent in the meantime stay spent.
     pub(super) fn give_back(&self, units: usize) {
         self.left.set(self.left.get() + units);
         self.next_report.set(self.next_report.get() + units);
@@ -112,7 +113,7 @@ impl<'a> Budget<'a> {
         self.units - self.left.get() - self.aside.get()
     }
 
-    /// Whether the units ran out or the caller has cancelled.
+    /// Whether the units ran out or the caller cancelled.
     pub(super) fn is_spent(&self) -> bool {
         self.spent.get()
     }

@@ -1,34 +1,36 @@
-//! Convex polygons around a set: fast for all bounds.
+//! Convex polygons that enclose a set, computed fast for all bounds.
 //!
-//! How far can a path get in direction φ? Its position along φ is ∫ cos(θ(t) − φ) dt, and its heading θ(t) is between
-//! those of the two outermost paths, λ(t) ≤ θ(t) ≤ η(t). So it gets no farther than
+//! How far can a path get in direction φ? The coordinate of its position along φ is ∫ cos(θ(t) − φ) dt.
+//! Its heading θ(t) is between the headings of the two outermost paths, λ(t) ≤ θ(t) ≤ η(t). So the path
+//! gets no farther than
 //!
 //!   h(φ) = ∫ max { cos(θ − φ) : λ(t) ≤ θ ≤ η(t) } dt,
 //!
 //! and for any number of directions, the intersection of the half-planes {x : x·e_φ ≤ h(φ)}
-//! contains the set. In each step λ and η are linear in time, so the integral has a closed form
-//! between the instants at which another heading becomes the best one. The tube is bounded by the
-//! largest h over all instants; between the instants at which the best heading is perpendicular to
-//! φ, h only grows or only shrinks.
+//! contains the set. In each step λ and η are linear in time. The integral therefore has a closed form
+//! between the instants at which the best heading switches. For the tube, h is replaced by its maximum
+//! over all instants; h is monotonic in time between the instants at which the best heading is
+//! perpendicular to φ.
 //!
-//! h is the support function of a convex set, so every half-plane touches the polygon, whose corners are where
-//! the lines of neighbouring directions meet.
+//! h is the support function of a convex set, so every half-plane touches the polygon. The corners of
+//! the polygon are the intersections of the boundary lines of neighbouring directions.
 
 use super::paths::{Path, Paths, arc, unit};
 use crate::math::TAU;
 use core::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::Complex;
 
-/// Number of directions. The polygon's corners are farther out than the convex set by a factor of
-/// 1/cos(π/128) = 1.0003 at most.
+/// Number of directions. The polygon's corners are farther out than the convex set by at most a factor
+/// of 1/cos(π/128) = 1.0003.
 const DIRECTIONS: usize = 128;
 
-/// Upper bound on rounding errors per second of travel, s.
+/// Upper bound on rounding errors (s) per second of travel.
 const ROUNDING: f64 = 1e-9;
 
-/// Replaces `boundary` by a convex polygon around the set after `steps` steps, or around the tube up to then,
-/// from start headings that differ by up to `heading`, rad, to both sides. `more` is the extra distance in a
-/// direction, a unit vector, from other start positions. `instants` is overwritten.
+/// Replaces `boundary` by a convex polygon around the set after `steps` steps, or around the tube up to
+/// that step. Start headings deviate by up to `heading` (rad) to either side. `more` returns the extra
+/// distance in a direction (a unit vector) that comes from other start positions. `instants` is
+/// overwritten.
 pub(super) fn surround(
     paths: &Paths,
     (steps, tube): (usize, bool),
@@ -58,23 +60,23 @@ pub(super) fn surround(
     }));
 }
 
-/// Twice the area that a polygon encloses, counter-clockwise.
+/// Twice the area of a counter-clockwise polygon.
 pub(super) fn twice_area(polygon: &[Complex<f64>]) -> f64 {
     let next = polygon.iter().cycle().skip(1);
     polygon.iter().zip(next).map(|(a, b)| a.re * b.im - a.im * b.re).sum()
 }
 
-/// The admissible headings, seen from a direction.
+/// The admissible headings, relative to a direction.
 struct Headings<'a> {
     paths: &'a Paths,
-    /// Largest deviation of the start heading, rad.
+    /// Largest deviation of the start heading (rad).
     heading: f64,
-    /// The direction, rad.
+    /// The direction (rad).
     phi: f64,
 }
 
 impl Headings<'_> {
-    /// h(φ) after `steps` steps, or the largest one up to then.
+    /// h(φ) after `steps` steps or, for a tube, its maximum up to that step.
     fn farthest(&self, steps: usize, tube: bool, instants: &mut Vec<f64>) -> f64 {
         let (mut along, mut most) = (0.0, 0.0_f64);
         for step in 0..steps {
@@ -98,7 +100,8 @@ impl Headings<'_> {
     }
 }
 
-/// The lowest or the highest heading during a step, rad from the direction, linear in time.
+/// The lowest or the highest heading during a step (rad, relative to the direction). It is linear in
+/// time.
 #[derive(Clone, Copy)]
 struct Extreme {
     from: f64,
@@ -114,7 +117,7 @@ impl Extreme {
         self.from + self.rate * seconds
     }
 
-    /// Appends the instants up to `seconds` at which the heading is a multiple of an angle.
+    /// Appends the instants up to `seconds` at which the heading is a multiple of `angle`.
     fn multiples(self, angle: f64, seconds: f64, instants: &mut Vec<f64>) {
         let (a, b) = (self.from, self.at(seconds));
         let (first, last) = ((a.min(b) / angle).ceil(), (a.max(b) / angle).floor());
@@ -129,7 +132,8 @@ impl Extreme {
     }
 }
 
-/// The integral of the cosine of the best heading between two instants between which the same one stays best.
+/// The integral of the cosine of the best heading between two instants, if the best heading does not
+/// switch in between.
 fn best(low: Extreme, high: Extreme, (begin, end): (f64, f64)) -> f64 {
     let middle = 0.5 * (begin + end);
     let (below, above) = (low.at(middle) / TAU, high.at(middle) / TAU);

@@ -1,18 +1,18 @@
-//! Is a full state (position and heading) reachable?
+//! Decides whether a full state (position and heading) is reachable.
 //!
 //! The states after a step with one end heading ψ form a planar *slice* of the set. A path is
-//! given by its heading over time; the paths that end with ψ form a convex set between a lowest
-//! and a highest one. The slice's boundary consists of a few curves, each from the end of the
-//! lowest to the end of the highest (`slice`): since the paths of one curve can be deformed into
-//! those of another without leaving the convex set, every position that two curves surround is
-//! reached. So a state is inside if the curves wind about it (`search`), also where the slice is
-//! reached. So a state is inside if the curves wind about it (`search`), even where the slice is
+//! given by its heading over time. The paths that end with heading ψ form a convex set between a
+//! lowest and a highest path. The slice's boundary consists of a few curves, each from the end of the
+//! lowest path to the end of the highest path (`slice`). The paths of one curve can be deformed into
+//! the paths of another curve without leaving the convex set, so every position that two curves
+//! surround is reached. A state is therefore inside if the curves wind around it (`search`). This
+//! also holds where the slice is not convex or surrounds a hole, or where headings pass ±π.
 //!
 //! # Accuracy
 //! A state found inside is reachable, to 10⁻⁶ m. It is not proven that the curves are complete: at
 //! the rear, paths with more than two switches come from a local optimisation, and rates change
 //! only between quarters of a step. So a state outside the curves needs a separate proof
-//! (`body_point`), or stays open.
+//! (`body_point`), or it stays open.
 
 mod buffer;
 mod span;
@@ -34,12 +34,12 @@ use nalgebra::Complex;
 use origins::Origins;
 use slice::Slice;
 
-/// How far a state may be from a reachable one and still count as inside.
+/// The largest distance from a reachable state at which a state still counts as inside.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
-    /// Between the positions, m, ≥ 0.
+    /// Largest distance between the positions (m), ≥ 0.
     pub position_m: f64,
-    /// Between the headings, rad, ≥ 0.
+    /// Largest difference between the headings (rad), ≥ 0.
     pub heading_rad: f64,
 }
 
@@ -50,33 +50,33 @@ impl Default for Tolerance {
     }
 }
 
-/// Whether a state is within a tolerance of a reachable one.
+/// Whether a state is within a tolerance of a reachable state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Membership {
-    /// It is.
+    /// The state is within the tolerance of a reachable state.
     Inside,
-    /// It is not: proven for all accepted bounds, up to rounding.
+    /// The state is not within the tolerance. This is proven for all accepted bounds, up to rounding.
     Outside,
-    /// Neither found to be inside nor proven to be outside.
+    /// The state was neither found to be inside nor proven to be outside.
     Open,
 }
 
 /// Default number of attempts to prove that a state is outside.
 const MOST_TRIALS: usize = 24;
 
-/// Limit on the work for one state, in the same units as for polygons.
+/// Limit on the work for one state, in units of a [`Budget`].
 const MOST_WORK: usize = 4_000_000;
 
-/// How far inside the set a state is. Both numbers are positive inside.
+/// How far inside the set a state is. Both margins are positive inside.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StateMargins {
-    /// From the heading to the nearest end of the admissible range, rad.
+    /// Distance of the heading from the nearest end of the admissible range (rad).
     pub heading_rad: f64,
-    /// From the position to the boundary of the positions that are reached with this heading, m. If
-    /// the heading is outside its range, the nearest admissible one is used. Inside, the true
-    /// distance may be slightly larger where two curves of the rear cross.
+    /// Distance (m) of the position from the boundary of the positions that are reached with this
+    /// heading. If the heading is outside its range, the nearest admissible heading is used. Inside, the
+    /// true distance may be slightly larger where two curves of the rear cross.
     pub position_m: f64,
-    /// Which part of that boundary is nearest.
+    /// The part of the boundary that is nearest to the position.
     pub nearest: Side,
 }
 
@@ -89,19 +89,20 @@ pub enum Side {
     Rear,
 }
 
-/// Rounding errors may move inputs out of their bounds by this, rad/s.
+/// Inputs may be out of their bounds by this much (rad/s), because of rounding errors.
 const INPUT_ROUNDING: f64 = 1e-12;
 
-/// Larger headings, rad, have too few digits: turns added to them would be lost.
+/// Largest heading (rad). Beyond it, too few digits remain for turns that are added.
 const MOST_RAD: f64 = 1e6;
 
 impl ReachableSet {
-    /// Whether `state` (world frame) is reached after exactly `step` steps, or is no farther than `tolerance`
-    /// from a state that is. False for a state that is not finite, or has a heading beyond 10⁶ rad.
+    /// Whether `state` (world frame) is within `tolerance` of a state that is reached after exactly `step`
+    /// steps. Returns `false` for a state that is not finite or has a heading beyond 10⁶ rad.
     ///
-    /// For all bounds, it is never false for a reachable state: it is true unless the state is proven to be
-    /// [outside](Membership::Outside). It can be true for a state farther away if the proof takes more than 24
-    /// attempts or too much work: [`Self::state_membership`] distinguishes the two.
+    /// The result is `true` unless the state is proven to be [outside](Membership::Outside). So for all
+    /// bounds, it is never `false` for a reachable state. It can be `true` for a state farther away if a
+    /// proof would take more than 24 attempts or too much work; [`Self::state_membership`] distinguishes
+    /// these cases.
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].
@@ -110,14 +111,15 @@ impl ReachableSet {
         self.state_membership(step, state, tolerance, MOST_TRIALS) != Membership::Outside
     }
 
-    /// Like [`Self::contains_state`], but with three answers, and at most `trials` attempts to
-    /// prove that the state is outside. All attempts together took 30 to 230 µs per state at turns
-    /// of 0.1 rad per step, over 10 to 15 steps. The work is bounded as for a polygon (by four
-    /// million units, some hundredths of a second) for all bounds, starts and numbers of attempts:
-    /// beyond that the state is [open](Membership::Open).
+    /// Like [`Self::contains_state`], but with three possible results, and with at most `trials` attempts
+    /// to prove that the state is outside. All attempts together took 30 to 230 µs per state at turns
+    /// of 0.1 rad per step, over 10 to 15 steps. For all bounds, starts and numbers of attempts, the work
+    /// is limited, as for a polygon, to four million units (some hundredths of a second). Beyond the
+    /// limit, the state is [open](Membership::Open).
     ///
-    /// A state found inside is reachable to 10⁻⁶ m beyond the tolerance. If the start is a set, the state is
-    /// inside if some start pose leads there, and may be if one leads to within 10⁻⁴ s of travel of it.
+    /// A state found inside is reachable to 10⁻⁶ m beyond the tolerance. If the start is a set, the state
+    /// is inside if some start pose leads there. It can also be inside if a start pose leads to a
+    /// position within 10⁻⁴ s of travel.
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].
@@ -132,8 +134,8 @@ impl ReachableSet {
         self.decide(step, state, tolerance, trials, &Budget::new(MOST_WORK))
     }
 
-    /// [`Self::state_membership`] that the caller can cancel: it calls `progress` at the beginning
-    /// and then every few tenths of a millisecond.
+    /// Like [`Self::state_membership`], but the caller can cancel. The method calls `progress` at the
+    /// beginning and then every few tenths of a millisecond.
     ///
     /// # Errors
     /// [`Cancelled`] if `progress` returns [`Break`](core::ops::ControlFlow::Break).
@@ -162,7 +164,7 @@ impl ReachableSet {
         budget: &Budget<'_>,
     ) -> Membership {
         assert!(step <= self.steps(), "step {step} of {}", self.steps());
-        // Every state takes some work.
+        // Every state costs at least one unit.
         budget.spend(1);
         if state.psi.abs() <= MOST_RAD {
             Origins::new(self, step, state, tolerance, budget).decide(trials)
@@ -171,9 +173,9 @@ impl ReachableSet {
         }
     }
 
-    /// How far `state` (world frame) is inside the states reached after exactly `step` steps. If
-    /// the start is a set, only the pose in its middle counts. NaN for a state that is not finite,
-    /// or has a heading beyond 10⁶ rad, and if the work exceeds four million units (see
+    /// How far `state` (world frame) is inside the set of states reached after exactly `step` steps. If
+    /// the start is a set, only the pose in its middle counts. The margins are NaN if the state is not
+    /// finite, if its heading is beyond 10⁶ rad, or if the work exceeds four million units (see
     /// [`Self::state_membership`]), as for some states after tens of steps of half a turn.
     ///
     /// # Panics
@@ -209,9 +211,9 @@ impl ReachableSet {
         best
     }
 
-    /// Whether each of the states after steps 1, 2 … (world frame) is reached after its step. Like
-    /// [`Self::contains_state`] for each, but all states share the work limit of one: a state that
-    /// is not decided within its share counts as inside.
+    /// For each of the states after steps 1, 2 … (world frame), whether it is reached after its step, as
+    /// in [`Self::contains_state`]. All states share the work limit of one state. A state that is not
+    /// decided within its share counts as inside.
     ///
     /// # Panics
     /// If there are more states than [`Self::steps`].
@@ -221,8 +223,9 @@ impl ReachableSet {
         found.map(|membership| membership != Membership::Outside).collect()
     }
 
-    /// Decides about the states at these indices of a trajectory, one after the other. Each gets an
-    /// equal share of the remaining work, so that all together stay within the limit of one state.
+    /// Decides the membership of the states at the indices `places` of a trajectory, one after the other.
+    /// Each state gets an equal share of the remaining work, so all states together stay within the
+    /// limit for one state.
     fn decide_all<'a>(
         &'a self,
         places: impl ExactSizeIterator<Item = usize> + 'a,
@@ -240,12 +243,12 @@ impl ReachableSet {
         })
     }
 
-    /// Whether a recorded trajectory is inside at every step. `states` are those after each step
-    /// (world frame), from the first on; `inputs`, if known, are the turn rates held in each step,
-    /// rad/s. As long as they satisfy the bounds, the states are reachable by definition; from the
-    /// first step on in which they do not, each state must be [inside](Membership::Inside) within
-    /// `tolerance`. An open state does not count, so that shares of contained trajectories are
-    /// never too large. All states share the work limit of one.
+    /// Whether a recorded trajectory is inside at every step. `states` are the states after each step
+    /// (world frame), from the first step on. `inputs`, if known, are the turn rates held in each step
+    /// (rad/s). While they satisfy the bounds, the states are reachable by definition. From the first
+    /// step whose input violates the bounds, each state must be [inside](Membership::Inside) within
+    /// `tolerance`. An open state counts as not inside, so the share of contained trajectories is
+    /// never overestimated. All states share the work limit of one state.
     ///
     /// # Panics
     /// If there are more states than [`Self::steps`], or fewer inputs than states.
@@ -266,24 +269,24 @@ impl ReachableSet {
                 })
                 .count()
         });
-        // Later states usually need the widest bounds, so testing the last one is often enough.
+        // Later states usually need the widest bounds, so testing the last state is often enough.
         self.decide_all((known..states.len()).rev(), states, tolerance, 0)
             .all(|membership| membership == Membership::Inside)
     }
 
-    /// From the world frame, metres, to the human's, seconds of travel.
+    /// Converts a position from the world frame (m) to the human's frame (s of travel).
     fn local(&self, state: Pose) -> Complex<f64> {
         let moved = Complex::new(state.x - self.start.x, state.y - self.start.y);
         moved * unit(-self.start.psi) / self.speed_mps
     }
 
-    /// Lowest and highest heading after `step` steps, human's frame, rad.
+    /// Lowest and highest heading after `step` steps (rad, human's frame).
     fn end_headings(&self, step: usize) -> (f64, f64) {
         (self.paths.low.heading(step), self.paths.high.heading(step))
     }
 
-    /// The headings, rad in the human's frame and not wrapped, that a state's
-    /// heading may stand for and that are admissible to within `slack`.
+    /// The headings (rad in the human's frame, not wrapped) that equal the state's heading up to whole
+    /// turns and are admissible to within `slack`.
     fn branches(&self, step: usize, state: Pose, slack: f64) -> impl Iterator<Item = f64> {
         let (low, high) = self.end_headings(step);
         let heading = state.psi - self.start.psi;

@@ -1,4 +1,4 @@
-//! Minkowski sums with a disc or a box, and unions over rotations about the start.
+//! Minkowski sums with a disc or a box, and unions of rotated copies about the start.
 
 use super::boundary::Workspace;
 use super::budget::Budget;
@@ -10,15 +10,17 @@ use nalgebra::Complex;
 
 type Point = Complex<f64>;
 
-/// The Minkowski sum of a simple polygon and a disc: every position no farther than `radius_m` from
-/// the polygon, including its inside (vertices counter-clockwise, m, the first not repeated; one
-/// vertex is a point, two a line). With the danger radius and the human's reachable positions, it
-/// is the region where the robot would be too near. The returned polygon contains the sum and
-/// exceeds it by at most `accuracy_m` (10⁻⁶ to 1 m); holes are filled.
+/// The Minkowski sum of a simple polygon and a disc: all positions within `radius_m` of the polygon,
+/// including its interior. For the human's reachable positions and the danger radius, it is the
+/// region where the robot would be too near.
+///
+/// The vertices are in metres, counter-clockwise, with the first vertex not repeated. One vertex is a
+/// point, two are a segment. The returned polygon contains the sum and exceeds it by at most
+/// `accuracy_m` (10⁻⁶ to 1 m). Holes are filled.
 ///
 /// # Errors
-/// [`Invalid`] if there is no vertex, a coordinate is not finite, the radius is not
-/// finite and ≥ 0, or the accuracy not in its range.
+/// [`Invalid`] if there is no vertex, a coordinate is not finite, the radius is not from 0 to 10⁴ m,
+/// or the accuracy is not in its range.
 pub fn minkowski_disc(
     polygon: &[[f64; 2]],
     radius_m: f64,
@@ -39,27 +41,27 @@ pub fn minkowski_disc(
     boundary.extend(polygon.iter().map(|[x, y]| Point::new(x - x0, y - y0)));
     let budget = Budget::new(usize::MAX);
     workspace.outliner.tidy(boundary, &budget);
-    // A little more than the radius outweighs the rounding of the outline.
+    // The slightly larger radius compensates for the rounding of the outline.
     let brush = Brush { radius: radius_m + 0.25 * accuracy_m, half: [0.0; 2], outside: true };
     brush.sweep(0.5 * accuracy_m, &mut workspace, &budget);
     Ok(workspace.boundary.iter().map(|p| [x0 + p.re, y0 + p.im]).collect())
 }
 
-/// The Minkowski sum of a disc and a box, to be added to a set.
+/// The Minkowski sum of a disc and a box; it is added to a set.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Brush {
-    /// Of the disc.
+    /// Radius of the disc.
     pub(super) radius: f64,
     /// Half the length and width of the box.
     pub(super) half: [f64; 2],
-    /// Whether the polygon that replaces the disc contains it; otherwise it is inside the disc.
+    /// Whether the polygon that approximates the disc is circumscribed; otherwise it is inscribed.
     pub(super) outside: bool,
 }
 
 impl Brush {
-    /// Replaces the boundary in the workspace, which must be
-    /// [tidy](super::outline::Outliner::tidy), by that of its Minkowski sum with the brush. The
-    /// disc is followed within `tolerance`.
+    /// Replaces the boundary in the workspace by the boundary of its Minkowski sum with the brush. The
+    /// boundary must be [tidy](super::outline::Outliner::tidy). The disc is approximated within
+    /// `tolerance`.
     pub(super) fn sweep(self, tolerance: f64, workspace: &mut Workspace, budget: &Budget<'_>) {
         if self.radius == 0.0 && self.half == [0.0; 2] || budget.is_spent() {
             return;
@@ -73,17 +75,18 @@ impl Brush {
         outliner.outline(boundary, budget);
     }
 
-    /// How far the brush extends in a direction, a unit vector.
+    /// Support function: how far the brush extends in a direction (a unit vector).
     pub(super) fn support(self, direction: Point) -> f64 {
         let [a, b] = self.half;
         self.radius + a * direction.re.abs() + b * direction.im.abs()
     }
 
-    /// The brush as a convex polygon: with k vertices, edge j runs from vertex j in
-    /// direction 2πj/k.
+    /// The brush as a convex polygon with k vertices. Edge j starts at vertex j and has direction
+    /// 2πj/k.
     fn vertices(self, tolerance: f64, vertices: &mut Vec<Point>) {
         let ratio = self.radius / tolerance;
-        // r·(1/cos(π/k) − 1) ≤ tolerance; the series' next terms are below 10 %.
+        // k is large enough that r·(1/cos(π/k) − 1) ≤ tolerance. The factor 0.55, instead of 0.5, covers
+        // the higher-order terms of the series, which are below 10 %.
         let k = ((PI * (0.55 * ratio).sqrt()).ceil() as usize).div_ceil(4).max(2) * 4;
         let radius = if self.outside { self.radius / unit(PI / k as f64).re } else { self.radius };
         let [a, b] = self.half;
@@ -101,9 +104,9 @@ impl Brush {
     }
 }
 
-/// Replaces `curve` by the convolution of a polygon without crossings, counter-clockwise, with a
-/// convex one from [`Brush::vertices`]: it winds about each position of the Minkowski sum at
-/// least once, and about no other (Guibas, Ramshaw and Stolfi 1983).
+/// Replaces `curve` by the convolution of a counter-clockwise polygon without crossings with a convex
+/// polygon from [`Brush::vertices`]. The convolution winds at least once around each position of the
+/// Minkowski sum and around no other position (Guibas, Ramshaw and Stolfi 1983).
 fn convolve(polygon: &[Point], brush: &[Point], curve: &mut Vec<Point>) {
     curve.clear();
     let [.., last] = *polygon else {
@@ -115,8 +118,8 @@ fn convolve(polygon: &[Point], brush: &[Point], curve: &mut Vec<Point>) {
     }
     let k = brush.len() as f64;
     let edge = |i: usize| polygon[(i + 1) % polygon.len()] - polygon[i];
-    // An edge in this direction is shifted by the vertex between the two edges of the brush
-    // whose directions enclose its own.
+    // An edge in this direction is shifted by the vertex of the brush whose two edges have the
+    // directions just below and just above the edge's direction.
     let shift = |direction: f64| (direction * k / TAU).ceil() as i64;
     let mut before = edge(polygon.len() - 1);
     let mut direction = atan2(before.im, before.re);
@@ -124,7 +127,7 @@ fn convolve(polygon: &[Point], brush: &[Point], curve: &mut Vec<Point>) {
     for (i, &point) in polygon.iter().enumerate() {
         let after = edge(i);
         let turn = after * before.conj();
-        // At a spike the curve goes round its tip.
+        // At a spike (a turn by π) the curve goes around the tip.
         direction += if turn.im == 0.0 && turn.re < 0.0 { PI } else { atan2(turn.im, turn.re) };
         let to = shift(direction);
         let mut push =
@@ -138,13 +141,13 @@ fn convolve(polygon: &[Point], brush: &[Point], curve: &mut Vec<Point>) {
     }
 }
 
-/// Replaces the boundary in the workspace, which must be [tidy](super::outline::Outliner::tidy), by
-/// that of the union of the set rotated about the origin by every angle up to `angle` to both
-/// sides. Arcs are followed within `tolerance`.
+/// Replaces the boundary in the workspace by the boundary of the union of all copies of the set that
+/// are rotated about the origin by at most `angle` to either side. The boundary must be
+/// [tidy](super::outline::Outliner::tidy). Arcs are approximated within `tolerance`.
 ///
-/// The union is bounded by edges of the set at both ends of the rotation and by arcs of those
-/// points whose distance from the origin is a local maximum or minimum along the boundary; rises
-/// and falls by less than the tolerance do not count.
+/// The boundary of the union consists of edges of the two extreme copies, and of arcs. An arc is the
+/// trace of a boundary point whose distance from the origin is a local maximum or minimum. Variations
+/// by less than the tolerance do not count.
 pub(super) fn rotate(angle: f64, tolerance: f64, workspace: &mut Workspace, budget: &Budget<'_>) {
     let Workspace { boundary, curve, brush, outliner, .. } = workspace;
     let drawn = |point: Point| {
@@ -189,9 +192,10 @@ pub(super) fn rotate(angle: f64, tolerance: f64, workspace: &mut Workspace, budg
     outliner.outline(boundary, budget);
 }
 
-/// Replaces `found` by the points of a closed polygon at which the distance from the origin is
-/// extreme, the farthest first, then minima and maxima in turn; returns the farthest. From each to
-/// the next the distance changes by at least `least`, but there is always one minimum.
+/// Replaces `found` by the points of a closed polygon at which the distance from the origin has a local
+/// extremum: first the farthest point, then minima and maxima alternately. Returns the farthest point.
+/// Between consecutive points the distance changes by at least `least`, but there is always at least
+/// one minimum.
 fn extremes(polygon: &[Point], least: f64, found: &mut Vec<Point>) -> Option<Point> {
     found.clear();
     let distance = |point: Point| point.norm_sqr().sqrt();

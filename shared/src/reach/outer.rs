@@ -1,24 +1,25 @@
 //! Polygons that contain the whole set, by construction.
 //!
-//! Time is cut into pieces, and each admissible path is compared with one that turns on the spot
-//! between the pieces. Let ū be the middle of the bounds in a piece of length h and g half their width,
-//! and let the heading be θ(t) = ūt + ϑ(t), so that |ϑ′| ≤ g. The path that is driven with the *mean* of ϑ in
-//! every piece
+//! The horizon is divided into time intervals (*pieces*), and each admissible path is compared with a
+//! path that turns on the spot between pieces. In a piece of length h, let ū be the middle of the bounds
+//! and g half their width, and let the heading be θ(t) = ūt + ϑ(t), so that |ϑ′| ≤ g. Replace ϑ by its
+//! *mean* in every piece. The resulting path
 //!
-//! * ends nearly where the other one does: the deviation of ϑ from its mean has no first-order effect, and
-//!   the square of it, ∫d² ≤ g²h³/12, displaces the end by at most h³(g²/48 + |ū|g/12 + g³h/144), if every
-//!   piece is taken h³g²/48 shorter ([`Piece::error`]);
-//! * turns on the spot by at most half of gh for the piece before plus half of gh for the piece
-//!   after, since the difference of two means is an integral of ϑ′ against a weight that rises from 0
-//!   to 1 and falls to 0 again.
+//! * ends near the end of the original path. The deviation d of ϑ from its mean has no first-order
+//!   effect. Its square, ∫d² ≤ g²h³/12, displaces the end by at most h³(g²/48 + |ū|g/12 + g³h/144), if
+//!   every piece is shortened by h³g²/48 ([`Piece::error`]);
+//! * turns on the spot by at most gh/2 of the previous piece plus gh/2 of the next piece, because the
+//!   difference of two means is an integral of ϑ′ against a weight that rises from 0 to 1 and falls to 0
+//!   again.
 //!
-//! So the ends are P₀, from P_N = {0} and Pⱼ = ⋃ e^{ia}·(Dⱼ + e^{iūh}·Pⱼ₊₁) over |a| ≤ αⱼ, up to the sum of
-//! those errors: Pⱼ are the ends that the remaining time leads to, in the frame of the vehicle at the beginning
-//! of piece j. Each step is one displacement, the same for all paths, and one [sweep](Curve::sweep) about the
-//! vehicle. Nothing here depends on which paths are extremal. Rigid motions preserve distances, so errors only
-//! add up, for any number of pieces and any size of turns.
+//! Let Pⱼ be the positions at the end of the horizon, in the frame of the vehicle at the beginning of
+//! piece j. Up to the sum of the errors, they follow from P_N = {0} and
+//! Pⱼ = ⋃ e^{ia}·(Dⱼ + e^{iūh}·Pⱼ₊₁) over |a| ≤ αⱼ; P₀ is the set. Each step of this recursion is one
+//! displacement, the same for all paths, and one [sweep](Curve::sweep) about the vehicle. Nothing here
+//! depends on which paths are extremal. Rigid motions preserve distances, so errors only add up, for any
+//! number of pieces and any size of turns.
 //!
-//! The tube is made the same way: in each piece the positions passed on the way are added
+//! The construction of the tube also adds, in each piece, the positions passed on the way
 //! ([`Piece::add_passed`]).
 
 mod edges;
@@ -37,20 +38,20 @@ use swept::Curve;
 
 type Point = Complex<f64>;
 
-/// The pieces of one step, which are all alike.
+/// The pieces of one step, which are all identical.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     /// Number of pieces in the step.
     count: usize,
-    /// Length, s.
+    /// Length of a piece (s).
     seconds: f64,
-    /// gh/2: largest difference between the mean of ϑ and ϑ at either end, rad.
+    /// gh/2: largest difference between the mean of ϑ and ϑ at either end (rad).
     half_turn: f64,
     /// e^{iūh}.
     turned: Point,
     /// Dⱼ.
     moved: Point,
-    /// Largest displacement of the end of a path in a piece, s of travel.
+    /// Upper bound on the error of a path's end from one piece (s of travel).
     error: f64,
     /// ūh.
     turn: f64,
@@ -79,12 +80,13 @@ impl Piece {
         }
     }
 
-    /// Adds to a curve from D and back the positions that a path passes in the piece: then the curve leads from
-    /// the origin and back. Returns how far outside a path may still be, s of travel.
+    /// Adds to a curve the positions that paths pass in the piece. The curve, which began and ended at D,
+    /// then begins and ends at the origin. Returns how far outside the curve a path can still be (s of
+    /// travel).
     ///
-    /// ∫d vanishes at both ends of the piece and its second derivative is at most g, so a path is
-    /// to the side of the straight line at time s by (±g − ū)·s(h − s)/2 at most. An arc as high as
-    /// this parabola is outside of it, and one with three quarters of its height inside.
+    /// ∫d vanishes at both ends of the piece and its second derivative is at most g. So at time s a path
+    /// is at most (±g − ū)·s(h − s)/2 to the side of the straight line. A circular arc with the height of
+    /// this parabola lies outside it, and an arc with three quarters of the height lies inside.
     fn add_passed(&self, spread: f64, corners: &mut Vec<Corner>) -> f64 {
         let (h, rate) = (self.seconds, self.turn / self.seconds);
         let height = |bend: f64, outward: bool| {
@@ -96,7 +98,7 @@ impl Piece {
         let origin = Point::new(0.0, 0.0);
         let along = self.moved;
         let edge = |height: f64, from: Point, to: Point| {
-            // Height over the chord from the origin to D, positive to the left.
+            // The height is measured from the chord from the origin to D, positive to the left.
             if height.abs() < FLAT * h {
                 return Edge::Line;
             }
@@ -117,7 +119,7 @@ fn cube(x: f64) -> f64 {
     x * x * x
 }
 
-/// Arcs whose height is below this share of their length count as straight lines.
+/// Arcs whose height is below this fraction of their length count as straight lines.
 const FLAT: f64 = 1e-7;
 
 fn middle_and_spread(paths: &Paths, step: usize) -> (f64, f64) {
@@ -130,33 +132,35 @@ fn error_of(rate: f64, spread: f64, seconds: f64) -> f64 {
     spread * (spread / 48.0 + rate.abs() / 12.0 + spread * spread * seconds / 144.0)
 }
 
-/// A curve with more corners is drawn more coarsely, outside of the finer one.
+/// If a curve has more corners than this plus twice their number after the last simplification, a
+/// coarser polygon around it replaces it.
 const MOST_CORNERS: usize = 1_500;
 
-/// A curve with more extremes of the distance from the vehicle is replaced by its outline.
+/// The corresponding limit on the extremes of the distance from the vehicle.
 const MOST_EXTREMES: usize = 24;
 
-/// Cost of sweeping a corner, besides one unit for moving it, and of comparing two edges in it, in
-/// units of a [`Budget`].
+/// Costs in units of a [`Budget`]: of sweeping a corner (in addition to one unit for moving it), and of
+/// comparing two edges in a sweep.
 const SWEEPING: usize = 3;
 const COMPARING: usize = 8;
 
-/// Cost of drawing and loosening per vertex.
+/// Cost per vertex of converting arcs to edges and loosening.
 const LOOSENING: usize = 6;
 
-/// Shares of the accuracy: errors of the pieces, drawing arcs as lines, and leaving out vertices.
+/// Fractions of the accuracy for the errors of the pieces, for replacing arcs by edges, and for
+/// removing vertices.
 const OF_PIECES: f64 = 0.2;
 const OF_ARCS: f64 = 0.1;
 const OF_VERTICES: f64 = 0.1;
 
-/// A rotation by less than this, rad, is counted as an error instead: the chains that it moves
-/// apart would coincide.
+/// A rotation by less than this (rad) is added to the error instead, because the chains that it
+/// separates would coincide.
 const LEAST_ANGLE: f64 = 1e-8;
 
-/// Upper bound on rounding errors per piece, s of travel.
+/// Upper bound on the rounding errors of a piece (s of travel).
 const ROUNDING: f64 = 2e-9;
 
-/// Polygons around sets, one after the other with the same buffers.
+/// Computes polygons around sets and reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Outer {
     pieces: Vec<Piece>,
@@ -167,22 +171,23 @@ pub(super) struct Outer {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Request {
     pub(super) steps: usize,
-    /// Of the tube instead of the last step.
+    /// Whether the tube is requested instead of the set after the last step.
     pub(super) tube: bool,
-    /// Largest error, s of travel, that the caller accepts.
+    /// Largest error that the caller accepts (s of travel).
     pub(super) accuracy: f64,
     /// Limit on the number of pieces, which takes precedence over the accuracy.
     pub(super) most_pieces: usize,
-    /// Largest deviation of the start heading, rad.
+    /// Largest deviation of the start heading (rad).
     pub(super) heading: f64,
-    /// The point of the vehicle whose positions are wanted, in the frame of the vehicle, s of travel: 0 for the
-    /// position itself.
+    /// The point of the vehicle whose reachable positions are requested, in the vehicle's frame (s of
+    /// travel). It is 0 for the vehicle's position itself.
     pub(super) body_point: Point,
 }
 
 impl Outer {
-    /// Replaces `boundary` by that of a polygon which, grown by the distance returned, s of travel, contains
-    /// the set. Once the budget is spent, the boundary is unfinished and may not contain it.
+    /// Replaces `boundary` by the boundary of a polygon. Grown by the returned distance (s of travel),
+    /// the polygon contains the set. If the budget is spent, the boundary is unfinished, and this need
+    /// not hold.
     pub(super) fn draw(
         &mut self,
         paths: &Paths,
@@ -200,13 +205,13 @@ impl Outer {
         budget.spend(LOOSENING * boundary.len());
         loosen(boundary, scratch, OF_VERTICES * request.accuracy);
         outliner.tidy(boundary, budget);
-        // An uncertain position would be swept all around each remaining tooth.
+        // Removes remaining teeth. Otherwise an uncertain position would be swept around each of them.
         loosen(boundary, scratch, OF_VERTICES * request.accuracy);
         error
     }
 
-    /// Lower bound on the distance of a line from the set, s of travel; not positive if the line
-    /// may touch the set, or once the budget is spent.
+    /// Lower bound on the distance of a line segment from the set (s of travel). It is not positive if
+    /// the segment may touch the set, or if the budget is spent.
     pub(super) fn clearance(
         &mut self,
         paths: &Paths,
@@ -226,7 +231,8 @@ impl Outer {
         outside_by(&boundary, line) - error
     }
 
-    /// Replaces the curve by one which, grown by the distance returned, s of travel, contains the set.
+    /// Replaces the curve by one that contains the set if it is grown by the returned distance (s of
+    /// travel).
     fn surround(
         &mut self,
         paths: &Paths,
@@ -241,7 +247,7 @@ impl Outer {
         let farthest = paths.step_s * request.steps as f64 + request.body_point.norm_sqr().sqrt();
         let arcs = OF_ARCS * request.accuracy;
         let (mut error, mut outside, mut kept) = (0.0, 0.0_f64, (0, 0));
-        // The last turn on the spot moves a body point other than the vehicle's position.
+        // The last turn on the spot moves a body point unless it is the vehicle's position.
         if let Some(last) = request.steps.checked_sub(1) {
             let angle = self.pieces[last].half_turn;
             if request.body_point.norm_sqr() > 0.0 && angle >= LEAST_ANGLE {
@@ -318,8 +324,9 @@ impl Outer {
         self.curve.corners.extend(corners);
     }
 
-    /// Cuts steps into as few pieces as possible whose errors together are [`OF_PIECES`] of the accuracy
-    /// (lengths are proportional to the inverse cube root of the errors), up to the limit on pieces.
+    /// Divides the steps into the fewest pieces with a total error of [`OF_PIECES`] of the accuracy. The
+    /// lengths of the pieces are then proportional to the inverse cube roots of the error rates. The
+    /// limit on the number of pieces takes precedence.
     fn cut(&mut self, paths: &Paths, request: Request) {
         let budget = OF_PIECES * request.accuracy;
         let step_s = paths.step_s;
@@ -333,7 +340,7 @@ impl Outer {
             let (_, spread) = middle_and_spread(paths, step);
             let mut pieces = step_s * cbrt(weight(step)) / scale;
             if request.tube {
-                // At the sides, a piece adds a quarter of the accuracy.
+                // Then, at the sides of the tube, a piece adds at most a quarter of the accuracy.
                 let (rate, _) = middle_and_spread(paths, step);
                 let bend = spread + rate.abs();
                 pieces = pieces.max(step_s * (0.5 * bend / request.accuracy).sqrt());

@@ -1,7 +1,7 @@
-//! The outer boundary of curves that cross each other.
+//! The outer boundary of a set of curves that cross each other.
 //!
-//! All points are first rounded to a fine grid, and crossings and touching
-//! points are made vertices of both curves. Then a walk follows the outside.
+//! First, all points are rounded to a fine grid, and every crossing or touching point becomes a
+//! vertex of both curves. Then a walk along the edges follows the outside.
 
 use super::budget::Budget;
 use core::cmp::Ordering;
@@ -12,51 +12,51 @@ type Point = Complex<f64>;
 /// A point of the grid.
 type Node = [i64; 2];
 
-/// An edge between two nodes, the smaller one first.
+/// An undirected edge between two nodes; the smaller node comes first.
 type Edge = (Node, Node);
 
-/// Spacing of the grid, s of travel: far below any requested accuracy, far above rounding errors.
+/// Spacing of the grid (s of travel): far below any requested accuracy, far above rounding errors.
 const GRID_S: f64 = 1e-10;
 
-/// Width, s of travel, at which a part without width is drawn, so that polygons do not touch
-/// themselves: a share of the tolerance, but at least some spacings of the grid.
+/// Width (s of travel) at which parts without width are drawn, so that polygons do not touch
+/// themselves. It is a fraction of the tolerance, but at least a few grid spacings.
 pub(super) fn thickness(tolerance: f64) -> f64 {
     (0.001 * tolerance).max(16.0 * GRID_S)
 }
 
-/// A vertex closer than this to an edge, in grid spacings, is on it.
+/// A vertex closer to an edge than this (in grid spacings) counts as on the edge.
 const ON_EDGE: f64 = 0.75;
 
-/// Least height of the strips of the plane in which crossings are searched, in grid spacings.
+/// Minimum height of the horizontal strips in which crossings are searched (in grid spacings).
 const LEAST_STRIP: i64 = 1 << 10;
 
-/// Cost of sorting per entry, in units of a [`Budget`].
+/// Cost of sorting, in units of a [`Budget`] per entry.
 const SORTING: usize = 12;
 
-/// Rounding a crossing to the grid moves the edges a little, which can make new crossings; the
-/// search is repeated at most this often.
+/// Maximum number of search rounds. Rounding a crossing to the grid moves the edges slightly, which
+/// can create new crossings.
 const MOST_ROUNDS: usize = 8;
 
-/// Finds outlines, one after the other with the same buffers.
+/// Computes outlines and reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Outliner {
-    /// In order, none twice.
+    /// Sorted, without duplicates.
     edges: Vec<Edge>,
-    /// Edges to cut, and where.
+    /// Indices of edges to cut, and the nodes at which to cut them.
     cuts: Vec<(usize, Node)>,
-    /// The edges in each strip of the plane, strip after strip, with the first strip of each edge.
+    /// The indices of the edges in each strip, strip after strip, each with the edge's first strip.
     in_strips: Vec<(usize, usize)>,
-    /// Where the edges of each strip begin in `in_strips`.
+    /// Index in `in_strips` at which the edges of each strip begin.
     begins: Vec<usize>,
-    /// Every edge in both directions, in order of its first node and, there, of its
-    /// direction counter-clockwise.
+    /// Every edge in both directions, sorted by the first node and then counter-clockwise by
+    /// direction.
     darts: Vec<Dart>,
-    /// Whether the last walk has left a node, stored at the first dart there.
+    /// Whether the last walk has visited a node, stored at the index of the first dart from the node.
     passed: Vec<bool>,
     touches: bool,
 }
 
-/// An edge from a node to another.
+/// A directed edge (half-edge) from the first node to the second.
 type Dart = (Node, Node);
 
 impl Outliner {
@@ -66,7 +66,8 @@ impl Outliner {
         self.touches = false;
     }
 
-    /// Whether the last outline touches itself: in a point, or along a line that it follows there and back.
+    /// Whether the last outline touches itself, at a point or along a line that it follows in both
+    /// directions.
     pub(super) fn touches_itself(&self) -> bool {
         self.touches
     }
@@ -76,7 +77,7 @@ impl Outliner {
         self.edges.extend(curve.windows(2).filter_map(|pair| edge(node(pair[0]), node(pair[1]))));
     }
 
-    /// Adds a curve and the edge from its end to its beginning.
+    /// Adds a curve and the edge from its last point to its first.
     pub(super) fn add_closed(&mut self, curve: &[Point]) {
         self.add(curve);
         if let [first, .., last] = *curve {
@@ -84,10 +85,10 @@ impl Outliner {
         }
     }
 
-    /// Replaces `boundary` by the boundary of the unbounded region left by the curves,
-    /// counter-clockwise, without the first point repeated: everything that the curves enclose is
+    /// Replaces `boundary` by the boundary of the unbounded region outside the curves
+    /// (counter-clockwise, first point not repeated). Everything that the curves enclose is thus
     /// filled. The curves must be connected through shared points or crossings. If they have no
-    /// length, or once the budget is spent, `boundary` stays as it is.
+    /// length, or if the budget is spent, `boundary` stays unchanged.
     pub(super) fn outline(&mut self, boundary: &mut Vec<Point>, budget: &Budget<'_>) {
         budget.spend(SORTING * self.edges.len());
         if budget.is_spent() {
@@ -120,7 +121,7 @@ impl Outliner {
         self.walk(boundary);
     }
 
-    /// Replaces a closed boundary by its outline, without crossings and counter-clockwise.
+    /// Replaces a closed boundary by its outline, which is counter-clockwise and has no crossings.
     pub(super) fn tidy(&mut self, boundary: &mut Vec<Point>, budget: &Budget<'_>) {
         self.clear();
         self.add_closed(boundary);
@@ -128,10 +129,10 @@ impl Outliner {
         self.outline(boundary, budget);
     }
 
-    /// Records for each edge the nodes inside it at which others cross or touch it.
+    /// Records, for each edge, the nodes between its ends at which other edges cross or touch it.
     ///
-    /// The plane is cut into strips about as high as edges are, and only edges of one strip are compared,
-    /// in order of their smallest x.
+    /// The plane is divided into horizontal strips, about as high as an average edge. Only edges in the
+    /// same strip are compared, in order of their smallest x.
     fn find_cuts(&mut self, budget: &Budget<'_>) {
         self.cuts.clear();
         let n = self.edges.len().max(1) as i64;
@@ -140,17 +141,17 @@ impl Outliner {
         for [low, high] in self.edges.iter().map(heights) {
             (rise, bottom, top) = (rise + high - low, bottom.min(low), top.max(high));
         }
-        // Only a few strips for each edge, even if the curves are not connected.
+        // This limits the number of strips to a few per edge, even if the curves are not connected.
         let height = (2 * rise / n).max(top.saturating_sub(bottom) / (4 * n)).max(LEAST_STRIP);
         let lowest = bottom.saturating_sub(1).div_euclid(height);
-        // One more spacing on both sides, for edges that touch.
+        // One grid spacing is added on both sides, for edges that touch.
         let strips = |edge: &Edge| {
             let strip = |y: i64| (y.div_euclid(height) - lowest) as usize;
             let [low, high] = heights(edge);
             (strip(low - 1), strip(high + 1))
         };
-        // Counting sort. Entry i + 2 is the number of edges in strip i; after summing, entry i + 1
-        // is the beginning of strip i; after filling in the edges, entry i is.
+        // Counting sort. First, entry i + 2 holds the number of edges in strip i. After summing, entry
+        // i + 1 holds the beginning of strip i. After the edges are filled in, entry i holds it.
         self.begins.clear();
         for edge in &self.edges {
             let (first, last) = strips(edge);
@@ -186,7 +187,7 @@ impl Outliner {
                         break;
                     }
                     compared += 1;
-                    // Two edges that share several strips are compared in the first of them only.
+                    // Two edges that share several strips are compared only in the first shared strip.
                     if number == first.max(other) {
                         compare((i, e), (j, f), &mut self.cuts);
                     }
@@ -215,7 +216,7 @@ impl Outliner {
                 self.edges.extend(edge(last, node));
                 last = node;
             }
-            // Edges without length are removed below.
+            // An edge without length is removed below.
             self.edges[cuts[0].0] = edge(last, end).unwrap_or((end, end));
         }
         self.edges.retain(|(a, b)| a != b);
@@ -225,8 +226,8 @@ impl Outliner {
 
     /// Walks once around the unbounded region, keeping it on the right.
     fn walk(&mut self, boundary: &mut Vec<Point>) {
-        // At the leftmost node, the lower one of several, every edge leads to the
-        // right, or up: the first one counter-clockwise begins the walk.
+        // The walk starts at the leftmost node (the lowest of several). All its edges lead to the right
+        // or straight up, and the first of them counter-clockwise begins the walk.
         let Self { darts, passed, touches, .. } = self;
         let leaving = |node: Node| {
             let first = darts.partition_point(|dart| dart.0 < node);
@@ -238,8 +239,7 @@ impl Outliner {
         *touches = false;
         let start = darts[0];
         let mut dart = start;
-        // Each dart has one successor and one predecessor, so the walk comes back to
-        // where it began.
+        // Each dart has exactly one successor and one predecessor, so the walk returns to its start.
         loop {
             boundary.push(Point::new(dart.0[0] as f64 * GRID_S, dart.0[1] as f64 * GRID_S));
             let (node, leaving) = leaving(dart.1);
@@ -253,7 +253,7 @@ impl Outliner {
     }
 }
 
-/// Appends where two edges cross or touch inside one of them.
+/// Appends the nodes at which two edges cross or touch between the ends of at least one of them.
 fn compare((i, e): (usize, Edge), (j, f): (usize, Edge), cuts: &mut Vec<(usize, Node)>) {
     let range = |(a, b): Edge| (a[1].min(b[1]), a[1].max(b[1]));
     let ((low, high), (bottom, top)) = (range(e), range(f));
@@ -276,7 +276,8 @@ fn compare((i, e): (usize, Edge), (j, f): (usize, Edge), cuts: &mut Vec<(usize, 
     }
 }
 
-/// Whether the other edge is clearly on one side of the line through an edge, as most compared edges are.
+/// Whether the edge `other` lies clearly on one side of the line through `e`. This is so for most
+/// compared edges.
 fn apart(e: Edge, other: Edge) -> bool {
     let along = difference(e.1, e.0);
     let [a, b] = [other.0, other.1].map(|node| cross(along, difference(node, e.0)));
@@ -284,7 +285,7 @@ fn apart(e: Edge, other: Edge) -> bool {
     (a > 0.0) == (b > 0.0) && a * a > clear && b * b > clear
 }
 
-/// Compares two darts from the same node by their direction, in (−π, π].
+/// Compares two darts from the same node by their directions in (−π, π].
 fn around(a: Dart, b: Dart) -> Ordering {
     let direction = |(from, to): Dart| [to[0] - from[0], to[1] - from[1]];
     let ([ax, ay], [bx, by]) = (direction(a), direction(b));
@@ -303,7 +304,7 @@ fn edge(a: Node, b: Node) -> Option<Edge> {
     (a != b).then(|| (a.min(b), a.max(b)))
 }
 
-/// b − a as numbers, in grid spacings.
+/// b − a as floating-point numbers, in grid spacings.
 fn difference(b: Node, a: Node) -> Point {
     Point::new((b[0] - a[0]) as f64, (b[1] - a[1]) as f64)
 }
@@ -312,7 +313,7 @@ fn cross(a: Point, b: Point) -> f64 {
     a.re * b.im - a.im * b.re
 }
 
-/// Whether a node is on an edge, but not at its ends.
+/// Whether a node is on an edge but not at one of its ends.
 fn on(node: Node, (a, b): Edge) -> bool {
     if node == a || node == b {
         return false;
@@ -324,13 +325,13 @@ fn on(node: Node, (a, b): Edge) -> bool {
     share > 0.0 && share < length2 && off * off < ON_EDGE * ON_EDGE * length2
 }
 
-/// The node nearest to where two edges cross, if they do.
+/// The node nearest to the crossing of two edges, if they cross.
 fn crossing(e: Edge, f: Edge) -> Option<Node> {
     let (d, g) = (difference(e.1, e.0), difference(f.1, f.0));
     let determinant = cross(d, g);
     let offset = difference(f.0, e.0);
     let (s, t) = (cross(offset, g) / determinant, cross(offset, d) / determinant);
-    // Parallel edges give infinities or NaN here, and no crossing.
+    // For parallel edges, these are infinite or NaN, so there is no crossing.
     let inside = |share: f64| share > 0.0 && share < 1.0;
     (inside(s) && inside(t))
         .then(|| [e.0[0] + (d.re * s).round() as i64, e.0[1] + (d.im * s).round() as i64])
@@ -377,7 +378,7 @@ mod tests {
 
     #[test]
     fn a_star_loses_its_inner_edges() {
-        // Twice round: the pentagon in the middle is enclosed twice.
+        // The curve winds twice around the pentagon in the middle.
         let star = [[0., 3.], [2., -3.], [-3., 1.], [3., 1.], [-2., -3.], [0., 3.]];
         let points: Vec<_> = star.iter().map(|p| Point::new(p[0], p[1])).collect();
         assert_eq!(outline(&points).len(), 10);

@@ -1,19 +1,20 @@
-//! The two outermost paths: the lowest and the highest rate all the way.
+//! The two outermost paths: with the lowest and with the highest turn rate throughout.
 //!
-//! Inside `reach`, lengths are in seconds of travel (the speed is one) and the
-//! human starts at the origin with heading 0; points are complex numbers.
+//! Inside `reach`, lengths are in seconds of travel (the speed is one), points are complex numbers,
+//! and the human starts at the origin with heading 0.
 
 use crate::bounds::InputBounds;
 use crate::math::{sin_cos, sinc};
 use nalgebra::Complex;
 
-/// Up to this angle, rad, a few terms of the series give full precision.
+/// Up to this angle (rad), a few terms of the series give full precision.
 const SMALL: f64 = 0.25;
 
 /// e^{i·angle}.
 pub(super) fn unit(angle: f64) -> Complex<f64> {
     if angle.abs() < SMALL {
-        // The next terms are below 10⁻¹⁷. Products, since quotients take several times as long.
+        // The omitted terms are below 10⁻¹⁷. Multiplies by constants, since divisions take several
+        // times as long.
         let a2 = angle * angle;
         let cos = 1.0 - a2 * (1.0 / 90.0) * (1.0 - a2 * (1.0 / 132.0));
         let cos = 1.0 - a2 * (1.0 / 30.0) * (1.0 - a2 * (1.0 / 56.0) * cos);
@@ -24,14 +25,14 @@ pub(super) fn unit(angle: f64) -> Complex<f64> {
     Complex::new(cos, sin)
 }
 
-/// sin(x)/x of x² = `x2` < [`SMALL`]².
+/// sin(x)/x as a function of x² = `x2` < [`SMALL`]².
 fn small_sinc(x2: f64) -> f64 {
     let rest = 1.0 - x2 * (1.0 / 72.0) * (1.0 - x2 * (1.0 / 110.0));
     1.0 - x2 * (1.0 / 6.0) * (1.0 - x2 * (1.0 / 20.0) * (1.0 - x2 * (1.0 / 42.0) * rest))
 }
 
-/// Displacement along an arc that starts in direction `heading`, rad, and turns
-/// at `rate`, rad/s, for `seconds`.
+/// Displacement along an arc that starts in direction `heading` (rad) and turns at `rate` (rad/s) for
+/// `seconds`.
 pub(super) fn arc(heading: f64, rate: f64, seconds: f64) -> Complex<f64> {
     let half_turn = 0.5 * rate * seconds;
     unit(heading + half_turn) * chord(half_turn, seconds)
@@ -52,7 +53,7 @@ pub(super) struct Turn {
     pub(super) rate: f64,
     /// The angle α by which the heading turns, as e^{iα}.
     pub(super) turned: Complex<f64>,
-    /// The displacement if the heading was 0, s of travel.
+    /// The displacement for an initial heading of 0 (s of travel).
     pub(super) moved: Complex<f64>,
 }
 
@@ -63,8 +64,8 @@ impl Turn {
         Self { rate, turned: half * half, moved }
     }
 
-    /// The turn at `rate` whose tangents at both ends meet at a distance of `z`/2 from either end:
-    /// z = (2/rate)·tan(rate·seconds/2).
+    /// The turn at `rate` whose end tangents meet at a distance of `z`/2 from either end. Here
+    /// z = (2/rate)·tan(rate·seconds/2), where the turn takes `seconds`.
     pub(super) fn of_tangent(rate: f64, z: f64) -> Self {
         let tan = 0.5 * rate * z;
         let along = Complex::new(1.0, tan);
@@ -77,17 +78,17 @@ impl Turn {
     }
 }
 
-/// Number of precomputed divisions of a step; curves are rarely cut into more pieces per step.
+/// Number of precomputed divisions of a step. Curves rarely need more pieces per step.
 const MOST_KEPT: usize = 4;
 
 /// A path whose rate is constant in each step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Path {
     step_s: f64,
-    /// The first of one, two, … equal pieces of each step.
+    /// For each step, the turn over the whole step, over half of it, over a third, and so on.
     steps: Vec<[Turn; MOST_KEPT]>,
     rates: Vec<f64>,
-    /// At the start and after each step.
+    /// Heading at the start and after each step; `facings` and `points` likewise.
     headings: Vec<f64>,
     facings: Vec<Complex<f64>>,
     points: Vec<Complex<f64>>,
@@ -116,17 +117,17 @@ impl Path {
         }
     }
 
-    /// Length of a step, s.
+    /// Duration of a step (s).
     pub(super) fn step_s(&self) -> f64 {
         self.step_s
     }
 
-    /// The turn of a whole step.
+    /// The turn over a whole step.
     pub(super) fn turn(&self, step: usize) -> Turn {
         self.steps[step][0]
     }
 
-    /// The first of `count` ≥ 1 equal pieces of a step.
+    /// The turn over one of `count` ≥ 1 equal pieces of a step.
     pub(super) fn piece(&self, step: usize, count: usize) -> Turn {
         match self.steps[step].get(count - 1) {
             Some(turn) => *turn,
@@ -139,7 +140,7 @@ impl Path {
         self.facings[step]
     }
 
-    /// Heading, rad (not wrapped), after `step` steps.
+    /// Heading after `step` steps (rad, not wrapped).
     pub(super) fn heading(&self, step: usize) -> f64 {
         self.headings[step]
     }
@@ -156,18 +157,19 @@ impl Path {
     }
 }
 
-/// In steps that last `seconds` together, bounds that forbid driving straight by less than this,
-/// rad/s, count as zero: extremals would diverge beyond double precision there. This admits 10⁻⁵
-/// rad more in total, and positions farther out by at most that share of the way.
+/// Threshold (rad/s) for steps that last `seconds` in total. A bound that forbids driving straight by
+/// less counts as zero, because extremals would diverge beyond double precision there. This admits
+/// 10⁻⁵ rad more in total, and positions that are farther out by at most 10⁻⁵ of the distance
+/// travelled.
 pub(crate) fn nearly_zero(seconds: f64) -> f64 {
     1e-5 / seconds
 }
 
-/// Bounds that forbid driving straight by less than this, rad/s, graze it: neighbouring extremals
-/// diverge so fast there that not all between them are found.
+/// Bounds that forbid driving straight by less than this (rad/s) count as grazing. Neighbouring
+/// extremals then diverge so fast that the search misses some of the extremals between them.
 const GRAZING: f64 = 0.01;
 
-/// The same per step, rad.
+/// The corresponding threshold per step (rad).
 const GRAZING_RAD: f64 = 0.002;
 
 /// The bounds and their two outermost paths.
@@ -176,9 +178,9 @@ pub(super) struct Paths {
     pub(super) step_s: f64,
     pub(super) lo: Vec<f64>,
     pub(super) hi: Vec<f64>,
-    /// Under the lowest rates: the right-hand edge.
+    /// The path with the lowest rates: the right-hand edge.
     pub(super) low: Path,
-    /// Under the highest rates: the left-hand edge.
+    /// The path with the highest rates: the left-hand edge.
     pub(super) high: Path,
 }
 
@@ -189,7 +191,7 @@ impl Paths {
         paths
     }
 
-    /// [`Self::new`] that reuses the buffers.
+    /// Like [`Self::new`], but reuses the buffers.
     pub(super) fn reset(&mut self, bounds: &InputBounds, step_s: f64) {
         self.step_s = step_s;
         let nearly = nearly_zero(step_s * bounds.steps() as f64);
@@ -215,7 +217,8 @@ impl Paths {
         (0..steps).all(|step| self.straight_admissible(step))
     }
 
-    /// Whether the bounds of one of the first `steps` steps leave a choice but just forbid driving straight.
+    /// Whether, in one of the first `steps` steps, the bounds leave a choice but narrowly forbid driving
+    /// straight.
     pub(super) fn graze_straight(&self, steps: usize) -> bool {
         let grazing = GRAZING.max(GRAZING_RAD / self.step_s);
         self.lo.iter().zip(&self.hi).take(steps).any(|(lo, hi)| {
@@ -224,10 +227,10 @@ impl Paths {
         })
     }
 
-    /// The range of φ, rad (≤ 0 and ≥ 0), with which extremals of the front may end after `steps`
-    /// steps: below it the path keeps the highest rate throughout, above it the lowest. Its lower
-    /// end is the largest right turn of the highest rates from any step to the end; its upper end
-    /// is the largest left turn of the lowest rates.
+    /// The range of φ (rad; from a value ≤ 0 to a value ≥ 0) with which extremals of the front can end
+    /// after `steps` steps. Below the range the path keeps the highest rate throughout, above it the
+    /// lowest rate. The lower end of the range is the largest right turn that the highest rates make
+    /// from any step to the end. The upper end is the largest left turn of the lowest rates.
     pub(super) fn end_phi_range(&self, steps: usize) -> (f64, f64) {
         let (high, low) = (self.high.heading(steps), self.low.heading(steps));
         (0..steps).fold((0.0, 0.0), |(left, right): (f64, f64), step| {
@@ -235,7 +238,8 @@ impl Paths {
         })
     }
 
-    /// Largest difference of the headings along one of the two outermost paths in the first `steps` steps, rad.
+    /// Range of the headings along an outermost path in the first `steps` steps, for the path with the
+    /// larger range (rad).
     pub(super) fn swing(&self, steps: usize) -> f64 {
         let of = |path: &Path| {
             let headings = (0..=steps).map(|step| path.heading(step));
@@ -247,7 +251,7 @@ impl Paths {
         of(&self.low).max(of(&self.high))
     }
 
-    /// Lowest and highest heading, rad, that occurs in the first `steps` steps.
+    /// Lowest and highest heading that occurs in the first `steps` steps (rad).
     pub(super) fn heading_range(&self, steps: usize) -> (f64, f64) {
         (0..=steps).fold((0.0, 0.0), |(low, high): (f64, f64), step| {
             (low.min(self.low.heading(step)), high.max(self.high.heading(step)))

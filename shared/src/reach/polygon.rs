@@ -1,25 +1,26 @@
-//! Plane polygons: area, box, and the distance of a point.
+//! Plane polygons: area, bounding box, and signed distance of a point.
 //!
-//! A polygon is a list of vertices, m, whose last vertex joins the first one
-//! without being repeated. One vertex is a point, two are a line there and back.
+//! A polygon is a list of vertices (m). An edge joins the last vertex to the first, which is not
+//! repeated. One vertex is a point; two vertices are a segment, traversed in both directions.
 
 use crate::math::hypot;
 
-/// Area, m², positive if the vertices run counter-clockwise (the shoelace formula).
+/// Area (m²) by the shoelace formula; positive if the vertices run counter-clockwise.
 #[must_use]
 pub fn signed_area(polygon: &[[f64; 2]]) -> f64 {
     let Some(&[x0, y0]) = polygon.first() else {
         return 0.0;
     };
-    // Measured from the first vertex: small sets far from the origin keep their digits.
+    // Coordinates are relative to the first vertex, so that small sets far from the origin keep
+    // their digits.
     let twice: f64 = edges(polygon)
         .map(|([ax, ay], [bx, by])| (ax - x0) * (by - y0) - (bx - x0) * (ay - y0))
         .sum();
     0.5 * twice
 }
 
-/// The smallest upright box around the vertices: `[x_min, y_min, x_max, y_max]`, m.
-/// `None` if there is no vertex.
+/// The axis-aligned bounding box of the vertices: `[x_min, y_min, x_max, y_max]` (m). Returns `None`
+/// if there is no vertex.
 #[must_use]
 pub fn bounding_box(polygon: &[[f64; 2]]) -> Option<[f64; 4]> {
     let &[x, y] = polygon.first()?;
@@ -28,9 +29,9 @@ pub fn bounding_box(polygon: &[[f64; 2]]) -> Option<[f64; 4]> {
     }))
 }
 
-/// Distance, m, from a position to the polygon's boundary: negative inside, as V is,
-/// positive outside, +∞ if there is no vertex. Inside means a winding number other than
-/// zero.
+/// Signed distance (m) of a position from the polygon's boundary: negative inside, like the value
+/// function V, and positive outside; +∞ if there is no vertex. A position is inside if its winding
+/// number is not zero.
 #[must_use]
 pub fn signed_distance(polygon: &[[f64; 2]], position: [f64; 2]) -> f64 {
     let [x, y] = position;
@@ -52,7 +53,7 @@ pub fn signed_distance(polygon: &[[f64; 2]], position: [f64; 2]) -> f64 {
     if winding == 0 { nearest } else { -nearest }
 }
 
-/// Every edge, the one that closes the polygon last.
+/// All edges; the closing edge is the last one.
 fn edges(polygon: &[[f64; 2]]) -> impl Iterator<Item = ([f64; 2], [f64; 2])> + '_ {
     let next = polygon.iter().cycle().skip(1);
     polygon.iter().copied().zip(next.copied())

@@ -1,4 +1,4 @@
-//! Converts curves to polylines with a bounded error.
+//! Approximates curves by polylines with a bounded error.
 
 use super::budget::Budget;
 use crate::invalid::Invalid;
@@ -14,25 +14,27 @@ pub struct PolygonSettings {
     most_work: usize,
 }
 
-/// How a polygon follows its set.
+/// How a polygon approximates its set.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Outline {
-    /// Along the boundary, even where it is not convex.
+    /// The polygon follows the boundary, even where it is not convex.
     Refined {
-        /// The distance, m, by which the polygon was grown so that it certainly contains the set;
-        /// edges that were drawn coarsely are farther out. It exceeds the accuracy if the accuracy
-        /// would have taken more than [`PolygonSettings::most_pieces`].
-        /// If it is 0, the polygon follows the boundary on either side within the accuracy. It is 0
-        /// for polygons that are not [conservative](PolygonSettings::conservative), unless that
-        /// takes more than [`PolygonSettings::most_work`] (see the [guarantees](super#guarantees)).
+        /// The distance (m) by which the polygon was grown so that it certainly contains the set.
+        /// Coarsely drawn edges are farther out. The margin exceeds the accuracy if reaching the
+        /// accuracy would have taken more than [`PolygonSettings::most_pieces`].
+        ///
+        /// With a margin of 0, the polygon follows the boundary on either side within the accuracy.
+        /// The margin of polygons that are not [conservative](PolygonSettings::conservative) is 0,
+        /// unless this would take more than [`PolygonSettings::most_work`] (see the
+        /// [guarantees](super#guarantees)).
         margin_m: f64,
     },
-    /// Convex, and around the whole set with its holes and indentations, for all settings:
-    /// following the boundary would have taken more than [`PolygonSettings::most_work`], or a
-    /// coarsely drawn polygon would have been larger than this one. In every direction it extends
-    /// at most 0.03 % farther than if each path could have, at each instant, the admissible heading
-    /// nearest to that direction.
+    /// The polygon is convex and encloses the whole set with its holes and indentations, for all
+    /// settings. It is returned if following the boundary would have taken more than
+    /// [`PolygonSettings::most_work`], or if a coarsely drawn polygon would have been larger. In every
+    /// direction it extends at most 0.03 % farther than if each path could have, at each instant, the
+    /// admissible heading nearest to that direction.
     ConvexHull,
 }
 
@@ -43,12 +45,13 @@ const MOST_PIECES: usize = 100;
 const MOST_WORK: usize = 4_000_000;
 
 impl PolygonSettings {
-    /// `accuracy_m`: largest distance, m, of the polygon's edges from the true boundary, unless [`Outline`]
-    /// says that the polygon is around it; 10⁻⁶ to 1. `least_pieces`: least number of edges of each of the
-    /// boundary's curves, however short, so that small sets keep their shape; 1 to 1000.
+    /// * `accuracy_m` (10⁻⁶ to 1): the largest distance (m) of the polygon's edges from the true
+    ///   boundary, unless [`Outline`] says that the polygon encloses the set.
+    /// * `least_pieces` (1 to 1000): the minimum number of edges for each of the boundary's curves. It
+    ///   preserves the shape of small sets.
     ///
     /// # Errors
-    /// [`Invalid`] for a value outside these ranges.
+    /// [`Invalid`] if a value is outside its range.
     pub fn new(accuracy_m: f64, least_pieces: usize) -> Result<Self, Invalid> {
         if !(1e-6..=1.0).contains(&accuracy_m) {
             return Err(Invalid::new("accuracy_m", "10⁻⁶ to 1 m", accuracy_m));
@@ -59,26 +62,26 @@ impl PolygonSettings {
         Ok(Self { accuracy_m, least_pieces, ..Self::default() })
     }
 
-    /// The same, but with polygons that contain the whole set, for all bounds that
+    /// Requests conservative polygons: they contain the whole set for all bounds that
     /// [`ReachableSet`](super::ReachableSet) accepts. This follows from their construction
-    /// (decision 0007), not from measured constants. They are grown by a margin as wide as the sum
+    /// (decision 0007), not from measured constants. The polygons are grown by a margin that is the sum
     /// of the method's errors.
     ///
-    /// They exceed the set by about [`Self::accuracy_m`], not counting holes, which are filled, as
-    /// long as [`Self::most_pieces`] pieces of time suffice: 15 steps of 0.2 s at 0.5 rad/s and
-    /// 2 m/s take about 60 at 1 mm. Where more would be needed, at large turns, over many steps or at
-    /// high accuracy, they still contain the set but are larger.
+    /// Conservative polygons exceed the set by about [`Self::accuracy_m`] (apart from holes, which are
+    /// filled) if [`Self::most_pieces`] time intervals are enough. For example, 15 steps of 0.2 s at
+    /// 0.5 rad/s and 2 m/s need about 60 intervals for 1 mm. Large turns, many steps or a high accuracy
+    /// can need more intervals. Then the polygons still contain the set but are larger.
     #[must_use]
     pub fn conservative(self) -> Self {
         Self { conservative: true, ..self }
     }
 
-    /// The same, with another limit on the work of a conservative polygon: it is made in at most
-    /// `pieces` pieces of time, 1 to 100,000, but at least one for each step. The run time grows at
-    /// most about quadratically.
+    /// Replaces the limit on the time intervals of a conservative polygon (1 to 100,000). The polygon
+    /// has at least one interval per step, even beyond the limit. The run time grows at most about
+    /// quadratically with the number of intervals.
     ///
     /// # Errors
-    /// [`Invalid`] for a number outside this range.
+    /// [`Invalid`] if `pieces` is outside this range.
     pub fn with_most_pieces(self, pieces: usize) -> Result<Self, Invalid> {
         if !(1..=100_000).contains(&pieces) {
             return Err(Invalid::new("most_pieces", "1 to 100,000", pieces));
@@ -86,22 +89,22 @@ impl PolygonSettings {
         Ok(Self { most_pieces: pieces, ..self })
     }
 
-    /// Limit on the pieces of time of a conservative polygon; 100 by default.
+    /// Limit on the number of time intervals of a conservative polygon; 100 by default.
     #[must_use]
     pub fn most_pieces(&self) -> usize {
         self.most_pieces
     }
 
-    /// The same, with another limit on the work of a polygon, conservative or not. A polygon that would take
-    /// more becomes an [`Outline::ConvexHull`], which contains the set; with 0 every polygon does. A unit is
-    /// about the cost of comparing two edges; the default takes some hundredths of a second. Work is counted,
-    /// not timed, so that polygons are the same on every machine.
+    /// Replaces the limit on the work for a polygon, conservative or not. A polygon that would take more
+    /// becomes an [`Outline::ConvexHull`], which contains the set. With a limit of 0, every polygon is a
+    /// convex hull. A unit is about the cost of comparing two edges; the default limit takes some
+    /// hundredths of a second. Work is counted, not timed, so polygons are the same on every machine.
     #[must_use]
     pub fn with_most_work(self, units: usize) -> Self {
         Self { most_work: units, ..self }
     }
 
-    /// Limit on the units of work of a polygon; 4 million by default.
+    /// Limit on the units of work for a polygon; 4 million by default.
     #[must_use]
     pub fn most_work(&self) -> usize {
         self.most_work
@@ -113,13 +116,13 @@ impl PolygonSettings {
         self.conservative
     }
 
-    /// Largest distance, m, between the polygon's edges and the true boundary; see [`Self::new`].
+    /// Largest distance (m) between the polygon's edges and the true boundary; see [`Self::new`].
     #[must_use]
     pub fn accuracy_m(&self) -> f64 {
         self.accuracy_m
     }
 
-    /// Least number of edges along each of the boundary's curves.
+    /// Minimum number of edges for each of the boundary's curves.
     #[must_use]
     pub fn least_pieces(&self) -> usize {
         self.least_pieces
@@ -127,7 +130,7 @@ impl PolygonSettings {
 }
 
 impl Default for PolygonSettings {
-    /// 0.1 mm and 16 edges per curve.
+    /// An accuracy of 0.1 mm and at least 16 edges per curve.
     fn default() -> Self {
         Self {
             accuracy_m: 1e-4,
@@ -139,24 +142,24 @@ impl Default for PolygonSettings {
     }
 }
 
-/// A point of a curve, and the direction in which the curve runs there.
+/// A point of a curve, and the direction of the curve there.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sample {
     /// In the human's frame, seconds of travel.
     pub(super) point: Complex<f64>,
-    /// Along the tangent or the normal, of any length > 0: only its change counts.
+    /// Along the tangent or the normal, with any length > 0. Only changes of the direction matter.
     pub(super) direction: Complex<f64>,
 }
 
-/// A range of parameters is halved at most this often, down to the last bit. Bounds close to zero
-/// need that: there a long piece of the front belongs to extremals that hardly differ at their end.
+/// Maximum depth of halving a parameter range: down to the last bit. Bounds close to zero need this
+/// depth, because a long part of the front then belongs to extremals whose parameters hardly differ.
 const MOST_HALVINGS: u32 = 64;
 
-/// Appends points of `curve` for parameters in (from, to], so close that its chords stay within
-/// `tolerance` of it. Between neighbours the curve is assumed to turn one way only, so it is in the
-/// triangle of chord and tangents. If two adjacent floating-point parameters give points that are
-/// farther apart, `bridge` appends the points between them, without the ends. `curve` must spend
-/// the budget; once it is spent, sampling ends.
+/// Appends points of `curve` for parameters in (from, to], so densely that the chords stay within
+/// `tolerance` of the curve. Between neighbouring points the curve is assumed to turn in one direction
+/// only, so it lies in the triangle of the chord and the end tangents. If even two adjacent
+/// floating-point parameters give points that are too far apart, `bridge` appends points between the
+/// two, without the end points. `curve` must spend the budget; sampling ends when it is spent.
 pub(super) fn sample(
     curve: &impl Fn(f64) -> Sample,
     (from, to): (f64, f64),
@@ -197,7 +200,7 @@ fn halve(
     halve(curve, (middle, end), tolerance, halvings - 1, bridge, (points, budget));
 }
 
-/// The largest height of a triangle whose base is the chord and whose other sides are the
+/// The largest possible height of a triangle whose base is the chord and whose other sides are the
 /// tangents: (base/2)·tan(turn/2).
 pub(super) fn triangle_height(a: Sample, b: Sample) -> f64 {
     let base2 = (b.point - a.point).norm_sqr();
@@ -206,27 +209,28 @@ pub(super) fn triangle_height(a: Sample, b: Sample) -> f64 {
     }
     let turn = b.direction * a.direction.conj();
     let lengths = turn.norm_sqr().sqrt();
-    // The estimate is not used for turns of more than a radian.
+    // For turns of more than a radian (cos 1 = 0.54) the estimate is not used.
     if turn.re < 0.54 * lengths {
         return f64::INFINITY;
     }
     0.5 * base2.sqrt() * (turn.im.abs() / (lengths + turn.re))
 }
 
-/// The number of equal pieces into which a curve over `seconds` is cut so that chords stay
-/// within half of `tolerance` of it, if its second derivative across them is at most `bend`. Half:
-/// so that errors of areas are small as well.
+/// The number of equal pieces into which a curve of duration `seconds` must be divided so that chords
+/// stay within half of `tolerance`. `bend` is an upper bound on the second derivative perpendicular to
+/// the chords. Half the tolerance is used so that errors of areas are small as well.
 pub(super) fn pieces(seconds: f64, bend: f64, tolerance: f64, least: usize) -> usize {
     let fewest = seconds * (bend / (4.0 * tolerance)).sqrt();
-    // Rounded up without a function call, which `ceil` is on plain processors.
+    // Rounds up without `ceil`, which is a function call on baseline processors.
     let below = fewest as usize;
     (below + usize::from((below as f64) < fewest)).max(least)
 }
 
-/// Points nearer to each other than this, s, differ by rounding errors only.
+/// Points closer together than this (s of travel) differ only by rounding errors.
 const SAME: f64 = 1e-11;
 
-/// Removes, from index `from` on, points that repeat the one before; the ends stay exact.
+/// Removes, from index `from` on, points that repeat their predecessor. The first and the last point
+/// stay exact.
 pub(super) fn space(points: &mut Vec<Complex<f64>>, from: usize) {
     let Some(&last) = points.get(from..).and_then(<[_]>::last) else {
         return;
@@ -245,7 +249,8 @@ pub(super) fn space(points: &mut Vec<Complex<f64>>, from: usize) {
     }
 }
 
-/// Distance of a position from a segment, and where on it that is, from 0 to 1.
+/// Distance of a position from a segment, and the nearest point as a fraction of the segment, from 0
+/// to 1.
 pub(super) fn to_segment(
     position: Complex<f64>,
     start: Complex<f64>,
@@ -262,9 +267,9 @@ pub(super) fn to_segment(
 #[derive(Clone, Debug, Default)]
 pub(super) struct Curves {
     points: Vec<Complex<f64>>,
-    /// End headings from which a search for curves begins (`multi_switch`).
+    /// End headings at which a search for curves begins (`multi_switch`).
     pub(super) nodes: Vec<(f64, usize)>,
-    /// Where each curve begins.
+    /// Index in `points` of the first point of each curve.
     starts: Vec<usize>,
 }
 
@@ -274,30 +279,30 @@ impl Curves {
         self.starts.clear();
     }
 
-    /// Begins a curve; the caller pushes its points to the buffer returned.
+    /// Begins a curve. The caller pushes its points to the returned buffer.
     pub(super) fn begin(&mut self) -> &mut Vec<Complex<f64>> {
         self.starts.push(self.points.len());
         &mut self.points
     }
 
-    /// The points of all curves so far; the last ones belong to the current curve.
+    /// The points of all curves so far. The last points belong to the current curve.
     pub(super) fn points(&mut self) -> &mut Vec<Complex<f64>> {
         &mut self.points
     }
 
-    /// Removes points of the last curve that repeat the one before.
+    /// Removes points of the last curve that repeat their predecessor.
     pub(super) fn space_last(&mut self) {
         if let Some(&from) = self.starts.last() {
             space(&mut self.points, from);
         }
     }
 
-    /// The end of the last curve.
+    /// The last point of the last curve.
     pub(super) fn last(&self) -> Option<Complex<f64>> {
         self.points.last().copied()
     }
 
-    /// Each curve.
+    /// Iterates over the curves.
     pub(super) fn iter(&self) -> impl Iterator<Item = &[Complex<f64>]> + '_ {
         let ends = self.starts.iter().skip(1).copied().chain([self.points.len()]);
         self.starts.iter().zip(ends).map(|(&start, end)| &self.points[start..end])

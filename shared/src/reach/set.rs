@@ -1,4 +1,4 @@
-//! The set from a start, and the polygons around it.
+//! The reachable set from a start, and its polygons.
 
 use super::boundary::{self, Workspace};
 use super::budget::{Budget, Cancelled, Progress};
@@ -26,29 +26,29 @@ pub struct ReachableSet {
     pub(super) paths: Paths,
 }
 
-/// Start coordinates beyond this, m, leave too few digits for the set itself.
+/// Largest start coordinate (m). Beyond it, too few digits remain for the set itself.
 const MOST_M: f64 = 1e6;
 
-/// The same for headings, rad.
+/// Largest start heading (rad), for the same reason.
 const MOST_RAD: f64 = 1e4;
 
-/// A boundary is widened at most this often. Once was always enough.
+/// Largest number of times that a boundary is widened. In practice, once was always enough.
 const MOST_WIDENINGS: usize = 4;
 
-/// Limit on the pieces of time for a boundary that is followed without extremals, unless that of
-/// conservative polygons is higher.
+/// Limit on the number of time intervals for a boundary that is constructed without extremals. The
+/// limit for conservative polygons applies if it is higher.
 const MOST_FINE_PIECES: usize = 10_000;
 
-/// If that exceeds the budget, the boundary is drawn this many times more coarsely.
+/// If such a boundary exceeds the budget, its accuracy is made coarser by this factor.
 const COARSER: f64 = 16.0;
 
-/// Finest tolerance, s of travel, with which extremals are sampled.
+/// Smallest tolerance with which extremals are sampled (s of travel).
 const LEAST_TOLERANCE: f64 = 1e-7;
 
-/// Longest step, m.
+/// Longest step (m).
 const MOST_STEP_M: f64 = 100.0;
 
-/// Accepts starts whose coordinates leave enough digits for the set itself.
+/// Checks that the start coordinates leave enough digits for the set itself.
 fn checked(start: StartSet) -> Result<StartSet, Invalid> {
     start.pose.check().map_err(|invalid| invalid.within("start"))?;
     let Pose { x, y, psi } = start.pose;
@@ -61,8 +61,8 @@ fn checked(start: StartSet) -> Result<StartSet, Invalid> {
     Ok(start)
 }
 
-/// Accepts bounds under which the vehicle turns by at most half a turn in a step, which the
-/// geometry of extremals assumes.
+/// Checks that the vehicle turns by at most half a turn in a step. The geometry of extremals assumes
+/// this.
 fn turns_little(bounds: &InputBounds, step_s: f64) -> Result<(), Invalid> {
     for (name, rates) in [("lo", bounds.lo()), ("hi", bounds.hi())] {
         if let Some(i) = rates.iter().position(|rate| rate.abs() * step_s > PI) {
@@ -75,13 +75,14 @@ fn turns_little(bounds: &InputBounds, step_s: f64) -> Result<(), Invalid> {
 }
 
 impl ReachableSet {
-    /// The set from `start` (world frame; a [`Pose`] or a [`StartSet`]) under `bounds`, at `speed_mps` m/s,
-    /// where each step lasts `step_s` s. Bounds that forbid driving straight by less than 10⁻⁵ rad in all steps
-    /// together count as allowing it: the set grows by at most 10⁻⁵ of the way.
+    /// The set from `start` (world frame; a [`Pose`] or a [`StartSet`]) under `bounds`, at `speed_mps`
+    /// (m/s) and with steps of `step_s` (s). If the bounds forbid driving straight by less than 10⁻⁵ rad
+    /// in all steps together, they count as allowing it. This enlarges the set by at most 10⁻⁵ of the
+    /// distance travelled.
     ///
     /// # Errors
-    /// [`Invalid`] if speed or step is not > 0, the start is beyond 10⁶ m or 10⁴ rad, a step
-    /// is longer than 100 m, or the vehicle can turn by more than half a turn in it.
+    /// [`Invalid`] if the speed or the step is not > 0, the start is beyond 10⁶ m or 10⁴ rad, a step
+    /// is longer than 100 m, or the vehicle can turn by more than half a turn in a step.
     pub fn new(
         start: impl Into<StartSet>,
         bounds: &InputBounds,
@@ -99,11 +100,11 @@ impl ReachableSet {
         Ok(Self { start: start_set.pose, start_set, speed_mps, paths })
     }
 
-    /// Replaces this set by that from another start under other bounds, at the same speed and
-    /// step, without allocating. After an error this set is unchanged.
+    /// Replaces this set by the set from another start under other bounds, at the same speed and step.
+    /// Allocates only if there are more steps than ever before. After an error this set is unchanged.
     ///
     /// # Errors
-    /// As [`Self::new`].
+    /// The errors of [`Self::new`].
     pub fn reset(
         &mut self,
         start: impl Into<StartSet>,
@@ -122,28 +123,30 @@ impl ReachableSet {
         self.paths.steps()
     }
 
-    /// The start pose, world frame; of an uncertain start, the pose in its middle.
+    /// The start pose (world frame). For an uncertain start, this is the pose in its middle.
     #[must_use]
     pub fn start(&self) -> Pose {
         self.start
     }
 
-    /// Every pose in which the vehicle may start.
+    /// All poses in which the vehicle may start.
     #[must_use]
     pub fn start_set(&self) -> StartSet {
         self.start_set
     }
 
-    /// The positions reachable after exactly `step` steps, as a polygon in the
-    /// world frame, m, counter-clockwise, the first vertex not repeated. Its
-    /// edges follow the boundary within [`PolygonSettings::accuracy_m`], or enclose it: see
-    /// [`Outline`] and the [guarantees](super#guarantees). It neither crosses nor touches itself:
-    /// parts without width, for instance where bounds leave no choice, are drawn a five-hundredth
-    /// of the accuracy wide. A set that is a single position, as at step 0, has one vertex.
-    /// [Conservative](PolygonSettings::conservative) polygons contain the set.
+    /// The positions reachable after exactly `step` steps, as a polygon (world frame, m,
+    /// counter-clockwise, first vertex not repeated). Its edges follow the boundary within
+    /// [`PolygonSettings::accuracy_m`] or enclose it: see [`Outline`] and the
+    /// [guarantees](super#guarantees). [Conservative](PolygonSettings::conservative) polygons contain
+    /// the set.
+    ///
+    /// The polygon neither crosses nor touches itself. Parts without width, for instance where the
+    /// bounds leave no choice, are drawn with a width of a five-hundredth of the accuracy. The polygon
+    /// of a single position, as at step 0, has one vertex.
     ///
     /// If headings span more than 2π, the set may surround positions that cannot be reached in
-    /// exactly that time; such holes are filled.
+    /// exactly that time. Such holes are filled.
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].
@@ -154,7 +157,7 @@ impl ReachableSet {
         polygon
     }
 
-    /// The same as [`Self::step_polygon`], replacing the contents of `polygon`. Returns the kind of polygon.
+    /// Like [`Self::step_polygon`], but replaces the contents of `polygon`. Returns the kind of polygon.
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].
@@ -170,8 +173,8 @@ impl ReachableSet {
         self.draw((step, false), settings, workspace, polygon, &budget)
     }
 
-    /// [`Self::step_polygon_into`] that the caller can cancel: it calls `progress` at the beginning
-    /// and then every few tenths of a millisecond.
+    /// Like [`Self::step_polygon_into`], but the caller can cancel. The method calls `progress` at the
+    /// beginning and then every few tenths of a millisecond.
     ///
     /// # Errors
     /// [`Cancelled`] if `progress` returns [`Break`](core::ops::ControlFlow::Break); `polygon` is
@@ -193,10 +196,9 @@ impl ReachableSet {
         })
     }
 
-    /// The positions reachable at any instant from the start to the last step,
-    /// as a polygon in the world frame, m, counter-clockwise, the first vertex
-    /// not repeated. Accuracy and holes as for [`Self::step_polygon`]. If the
-    /// bounds leave no choice, it is a strip along the path.
+    /// The positions reachable at any instant from the start to the end of the last step, as a polygon
+    /// (world frame, m, counter-clockwise, first vertex not repeated). Accuracy and holes are as for
+    /// [`Self::step_polygon`]. If the bounds leave no choice, the polygon is a strip along the path.
     #[must_use]
     pub fn tube_polygon(&self, settings: PolygonSettings) -> Vec<[f64; 2]> {
         let mut polygon = Vec::new();
@@ -204,7 +206,7 @@ impl ReachableSet {
         polygon
     }
 
-    /// The same as [`Self::tube_polygon`], replacing the contents of `polygon`. Returns the kind of polygon.
+    /// Like [`Self::tube_polygon`], but replaces the contents of `polygon`. Returns the kind of polygon.
     pub fn tube_polygon_into(
         &self,
         settings: PolygonSettings,
@@ -215,7 +217,7 @@ impl ReachableSet {
         self.draw((self.steps(), true), settings, workspace, polygon, &budget)
     }
 
-    /// [`Self::tube_polygon_into`] that the caller can cancel; see [`Self::try_step_polygon_into`].
+    /// Like [`Self::tube_polygon_into`], but the caller can cancel; see [`Self::try_step_polygon_into`].
     ///
     /// # Errors
     /// [`Cancelled`] if `progress` returns [`Break`](core::ops::ControlFlow::Break); `polygon` is
@@ -232,8 +234,8 @@ impl ReachableSet {
         })
     }
 
-    /// Replaces the polygon by that of a step, or by that of the tube up to then; leaves it as it
-    /// is if the caller cancels.
+    /// Replaces the polygon by the polygon of step `steps`, or of the tube up to that step. Leaves it
+    /// unchanged if the caller cancels.
     fn draw(
         &self,
         (steps, tube): (usize, bool),
@@ -242,7 +244,7 @@ impl ReachableSet {
         polygon: &mut Vec<[f64; 2]>,
         budget: &Budget<'_>,
     ) -> Outline {
-        // Every set takes some work.
+        // Every polygon costs at least one unit.
         budget.spend(1);
         let margin = if settings.is_conservative() {
             self.surround((steps, tube), settings, workspace, budget)
@@ -250,7 +252,7 @@ impl ReachableSet {
             self.follow((steps, tube), settings, workspace, budget)
         };
         let margin_m = self.speed_mps * margin;
-        // A polygon that need not be conservative is grown only where it was drawn coarsely.
+        // A polygon that need not be conservative has a margin only if it was drawn coarsely.
         let most_m = if settings.is_conservative() { settings.accuracy_m() } else { 0.0 };
         self.widen(settings, workspace, budget);
         if budget.is_cancelled() {
@@ -269,9 +271,10 @@ impl ReachableSet {
         outline
     }
 
-    /// The tolerance, in seconds of travel, of the boundary from the start pose itself.
+    /// The tolerance of the boundary from the start pose itself (s of travel).
     fn tolerance(&self, settings: PolygonSettings) -> f64 {
-        // Together with the arcs of an uncertain start and its disc: less than the accuracy.
+        // For an uncertain start, the rotation arcs and the disc add errors. The total stays below the
+        // accuracy.
         let share = if self.starts_at_a_pose() { 1.0 } else { 0.25 };
         share * settings.accuracy_m() / self.speed_mps
     }
@@ -280,7 +283,7 @@ impl ReachableSet {
         self.start_set == StartSet::from(self.start)
     }
 
-    /// Replaces a boundary that touches itself by a slightly wider one that does not: polygons are
+    /// Replaces a boundary that touches itself by a slightly wider one that does not. So polygons are
     /// simple, even where the bounds leave no choice.
     fn widen(&self, settings: PolygonSettings, workspace: &mut Workspace, budget: &Budget<'_>) {
         let radius = thickness(self.tolerance(settings));
@@ -293,9 +296,9 @@ impl ReachableSet {
         }
     }
 
-    /// Replaces the boundary in the workspace by one that follows that of the set on either side,
-    /// and returns 0; or, if that takes too much work, by one around the set, and returns the
-    /// margin by which it was grown, s of travel.
+    /// Replaces the boundary in the workspace by one that follows the boundary of the set on either
+    /// side, and returns 0. If that takes too much work, the new boundary encloses the set instead, and
+    /// the method returns the margin by which it was grown (s of travel).
     fn follow(
         &self,
         (steps, tube): (usize, bool),
@@ -324,9 +327,9 @@ impl ReachableSet {
         0.0
     }
 
-    /// [`Self::follow`] without extremals, by the construction of conservative polygons; a margin
-    /// within the accuracy is left out. A boundary that would take more than three quarters of the
-    /// budget is drawn more coarsely, with its margin.
+    /// [`Self::follow`] without extremals. It uses the construction of conservative polygons, but omits
+    /// the margin if it is within the accuracy. If the boundary would take more than three quarters of
+    /// the budget, it is drawn more coarsely, with its margin.
     fn follow_closely(
         &self,
         what: (usize, bool),
@@ -349,7 +352,7 @@ impl ReachableSet {
         grown
     }
 
-    /// The uncertain position, with a disc around it grown by `margin`, s.
+    /// The uncertainty of the start position, with its disc grown by `margin` (s).
     fn brush(&self, margin: f64, outside: bool) -> Brush {
         let (radius, half) = self.start_set.extents();
         Brush {
@@ -359,8 +362,8 @@ impl ReachableSet {
         }
     }
 
-    /// Replaces the boundary in the workspace by one around the set, and returns the margin by which it was grown, s of
-    /// travel.
+    /// Replaces the boundary in the workspace by one that encloses the set. Returns the margin by which
+    /// it was grown (s of travel).
     fn surround(
         &self,
         what: (usize, bool),
@@ -374,8 +377,8 @@ impl ReachableSet {
         margin
     }
 
-    /// Replaces the boundary in the workspace by one from the start position itself, with any of
-    /// its headings, that misses no position by more than the distance returned, s of travel.
+    /// Replaces the boundary in the workspace by the boundary for the exact start position and all
+    /// start headings. It misses no position by more than the returned distance (s of travel).
     fn enclose(
         &self,
         (steps, tube): (usize, bool),
@@ -393,7 +396,7 @@ impl ReachableSet {
         missed
     }
 
-    /// Replaces the boundary in the workspace by a convex one around the set.
+    /// Replaces the boundary in the workspace by a convex one that encloses the set.
     fn surround_hull(
         &self,
         (steps, tube): (usize, bool),
@@ -401,14 +404,15 @@ impl ReachableSet {
         workspace: &mut Workspace,
     ) {
         let Workspace { boundary, instants, .. } = workspace;
-        // Wide enough that rounding does not merge two corners.
+        // Large enough that rounding does not merge two corners.
         let brush = self.brush(0.01 * settings.accuracy_m() / self.speed_mps, true);
         let more = |direction| brush.support(direction);
         let heading = self.start_set.heading_rad;
         hull::surround(&self.paths, (steps, tube), heading, more, instants, boundary);
     }
 
-    /// Makes a convex boundary beside the one in the workspace. Returns whether it encloses less.
+    /// Computes a convex boundary in `workspace.curve` and keeps `workspace.boundary`. Returns whether
+    /// the convex one encloses a smaller area.
     fn hull_is_smaller(
         &self,
         what: (usize, bool),
@@ -421,7 +425,7 @@ impl ReachableSet {
         hull::twice_area(&workspace.curve) < hull::twice_area(&workspace.boundary)
     }
 
-    /// From the human's frame, seconds of travel, to the world frame, metres.
+    /// Converts points from the human's frame (s of travel) to the world frame (m).
     fn to_world(&self, points: &[Complex<f64>], polygon: &mut Vec<[f64; 2]>) {
         let turned = unit(self.start.psi) * self.speed_mps;
         polygon.clear();

@@ -1,4 +1,4 @@
-//! Where the vehicle starts: a pose, or a set of poses around it.
+//! The start of the vehicle: a pose, or a set of poses around it.
 
 use crate::invalid::Invalid;
 use crate::math::PI;
@@ -11,22 +11,22 @@ pub enum PositionUncertainty {
     /// The position is exact.
     #[default]
     None,
-    /// At most a radius, in any direction.
+    /// The position deviates by at most a radius, in any direction.
     Disc {
-        /// The radius, m.
+        /// The radius (m).
         radius_m: f64,
     },
-    /// At most these lengths along and across the given heading.
+    /// The position deviates by at most these lengths along and across the heading of the pose.
     Box {
-        /// Half the length, m.
+        /// Half the length of the box (m).
         along_m: f64,
-        /// Half the width, m.
+        /// Half the width of the box (m).
         across_m: f64,
     },
 }
 
-/// Poses from which a vehicle may start: position and heading differ from those of a
-/// pose independently of each other.
+/// The poses from which a vehicle may start. Position and heading deviate from a given pose
+/// independently of each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StartSet {
     pub(super) pose: Pose,
@@ -35,12 +35,12 @@ pub struct StartSet {
 }
 
 impl StartSet {
-    /// Positions around that of `pose` (world frame), with headings that differ from
-    /// its own by at most `heading_rad`, 0 to π.
+    /// Positions around the position of `pose` (world frame), with headings that deviate from its
+    /// heading by at most `heading_rad` (0 to π).
     ///
     /// # Errors
-    /// [`Invalid`] if the pose is not finite, a length is not from 0 to 10⁴ m, or the
-    /// angle is not in its range.
+    /// [`Invalid`] if the pose is not valid, a length is not from 0 to 10⁴ m, or the angle is not from
+    /// 0 to π.
     pub fn new(
         pose: Pose,
         position: PositionUncertainty,
@@ -63,25 +63,25 @@ impl StartSet {
         Ok(Self { pose, position, heading_rad })
     }
 
-    /// The pose in the middle, world frame.
+    /// The pose in the middle (world frame).
     #[must_use]
     pub fn pose(&self) -> Pose {
         self.pose
     }
 
-    /// How far the position may be from that of [`Self::pose`].
+    /// How far the position may deviate from the position of [`Self::pose`].
     #[must_use]
     pub fn position(&self) -> PositionUncertainty {
         self.position
     }
 
-    /// Largest deviation of the heading, rad, to either side.
+    /// Largest deviation of the heading to either side (rad).
     #[must_use]
     pub fn heading_rad(&self) -> f64 {
         self.heading_rad
     }
 
-    /// The radius, and half the length and width, m.
+    /// The radius of the disc, and half the length and width of the box (m).
     pub(super) fn extents(&self) -> (f64, [f64; 2]) {
         match self.position {
             PositionUncertainty::None => (0.0, [0.0; 2]),
@@ -91,17 +91,17 @@ impl StartSet {
     }
 }
 
-/// Exactly one pose. It is checked where it is used.
+/// Exactly one pose. It is not checked here but where it is used.
 impl From<Pose> for StartSet {
     fn from(pose: Pose) -> Self {
         Self { pose, position: PositionUncertainty::None, heading_rad: 0.0 }
     }
 }
 
-/// Largest uncertainty of a position, m.
+/// Largest uncertainty of a position (m).
 const MOST_M: f64 = 1e4;
 
-/// Accepts a number from 0 to [`MOST_M`].
+/// Checks that a number is from 0 to [`MOST_M`].
 pub(super) fn non_negative(field: &str, value: f64) -> Result<f64, Invalid> {
     if (0.0..=MOST_M).contains(&value) {
         Ok(value)

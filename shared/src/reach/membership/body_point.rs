@@ -1,15 +1,16 @@
 //! Proof that no admissible path leads to a state.
 //!
-//! In a state with position p and heading ψ, a point c of the vehicle (in its frame) is at p +
-//! e^{iψ}c. If no admissible path takes *that point* there, none leads to the state. The positions
-//! of the point form a planar set again, which `outer` encloses by construction. So one such point
-//! is a proof.
+//! In a state with position p and heading ψ, a point c of the vehicle (in the vehicle's frame) is at
+//! p + e^{iψ}c. If no admissible path takes *this body point* there, no path leads to the state. The
+//! reachable positions of the body point again form a planar set, and `outer` encloses this set by
+//! construction. So one suitable body point is a proof.
 //!
-//! The point is guessed from the curves of `slice`; a bad guess cannot prove anything false. Let d(p, ψ) be the
-//! distance from the curves, and λ the direction in which it grows. All states that have the point in the same
-//! place, q − e^{iφ}c with heading φ, must be outside; so d must not change to first order along them: the
-//! component of e^{iψ}c across λ is −∂d/∂ψ. The component along λ bends them outward. Where boundary paths
-//! switch on a line along λ, the point is between the two switches.
+//! The body point is guessed from the curves of `slice`; a bad guess cannot prove anything false. Let
+//! d(p, ψ) be the distance from the curves, and λ the direction in which d grows. Consider all states
+//! with the body point at the same place q: heading φ and position q − e^{iφ}c. All of them must be
+//! outside, so d must not change to first order among them. Hence the component of e^{iψ}c across λ is
+//! −∂d/∂ψ. The component along λ bends the states outward. If boundary paths switch on a line along λ,
+//! the body point lies between the two switches.
 
 use super::super::budget::Budget;
 use super::super::outer::{Outer, Request};
@@ -20,21 +21,22 @@ use nalgebra::Complex;
 
 type Point = Complex<f64>;
 
-/// The claim that no state near this one is reached from some starts.
+/// The claim that no state near a given state is reached from a set of starts.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Claim {
-    /// Seen from the start in the middle, s of travel and rad.
+    /// The state, relative to the start pose in the middle (s of travel and rad).
     pub(super) position: Point,
     pub(super) heading: f64,
-    /// No state within these distances may be reached, s of travel and rad.
+    /// The claim: no state within these distances is reached (s of travel and rad).
     pub(super) near: f64,
     pub(super) turn: f64,
-    /// Largest deviation of the start heading, rad.
+    /// Largest deviation of the start heading (rad).
     pub(super) start_heading: f64,
 }
 
-/// The component of e^{iψ}c along λ and the offset of the one across, as shares of the travel time;
-/// and the accuracy, as a share of the claimed distance.
+/// For each guess: the component of e^{iψ}c along λ and the offset of its component across λ, as
+/// fractions of the travel time; and the accuracy, as a fraction of `excess` (the distance from the
+/// curves minus `near`).
 const GUESSES: [[f64; 3]; 12] = [
     [0.5, 0.0, 1.0],
     [0.25, 0.0, 1.0],
@@ -50,16 +52,16 @@ const GUESSES: [[f64; 3]; 12] = [
     [0.25, -0.1, 0.5],
 ];
 
-/// Step of the finite difference of d in the heading, rad.
+/// Step of the finite difference of d with respect to the heading (rad).
 const SMALL: f64 = 1e-4;
 
-/// Largest number of pieces of time in a proof.
+/// Largest number of time intervals in a proof.
 const MOST_PIECES: usize = 200;
 
-/// Smaller distances, s, are not resolved.
+/// Smaller distances (s) are not resolved.
 const FINEST: f64 = 1e-6;
 
-/// Searches for proofs, one after the other with the same buffers.
+/// Searches for proofs and reuses its buffers.
 #[derive(Debug, Default)]
 pub(super) struct Prover {
     outer: Outer,
@@ -67,8 +69,9 @@ pub(super) struct Prover {
 }
 
 impl Prover {
-    /// Whether it is proven that no path of `steps` steps leads to a state within the distances of `claim`. Each guess
-    /// subtracts one from `trials`; at 0, or once the budget is spent, there are no more guesses.
+    /// Tries to prove that no path of `steps` steps leads to a state within the distances of `claim`.
+    /// Returns whether it succeeded. Each guess subtracts one from `trials`. There are no more guesses
+    /// when `trials` is 0 or the budget is spent.
     pub(super) fn proves(
         &mut self,
         paths: &Paths,
@@ -113,8 +116,8 @@ impl Prover {
                 heading: claim.start_heading,
                 body_point: arm * unit(-claim.heading),
             };
-            // The positions of the point for all headings of the claim, up to the height of an arc
-            // over its chord.
+            // The positions of the body point for all headings of the claim form an arc. The segment
+            // is its chord, and `height` bounds the distance of the arc from the chord.
             let line = [-claim.turn, claim.turn].map(|turn| claim.position + arm * unit(turn));
             let height = 0.5 * arm.norm_sqr().sqrt() * claim.turn * claim.turn;
             let clearance = self.outer.clearance(paths, request, line, &mut self.outliner, budget);

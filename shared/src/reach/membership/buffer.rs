@@ -1,11 +1,11 @@
-//! The buffer of a query: on the stack, unless there are very many steps.
+//! The buffer of a query. It is on the stack unless there are very many steps.
 
 use core::ops::{Deref, DerefMut};
 
-/// Up to this many elements need no allocation.
+/// Largest number of elements that need no allocation.
 const INLINE: usize = 130;
 
-/// A fixed number of elements, initially the default.
+/// A fixed number of elements, initialised with the default value.
 #[derive(Clone, Debug)]
 pub(super) struct Buffer<T> {
     inline: [T; INLINE],

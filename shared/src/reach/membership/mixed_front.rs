@@ -1,14 +1,15 @@
-//! The front of a slice where straight is admissible in some steps only.
+//! The front of a slice if driving straight is admissible only in some steps.
 //!
-//! For each direction α this finds the path with the largest ∫cos(θ − α) among those that turn at
-//! one rate in each part of a step. The integrand is concave, so dynamic programming needs no
-//! table: the gain still possible from part k on (the value function) has its maximum at one
-//! heading, and the best path turns as far as it may toward the maximum of the next part. For the
-//! integrand −w(θ − α)²/2 the slope of the value function is linear between a few knots; from part
-//! to part those below the maximum move by the highest turn, those above it by the lowest, so
-//! that each part costs a few operations. With w = sin φ/φ of the path found last, φ = θ − α,
-//! this parabola touches the cosine from below: each round gains, and the rounds converge to the
-//! best path.
+//! For each direction α, the path with the largest ∫cos(θ − α) is found, among the paths with a
+//! constant turn rate in each part of a step. Dynamic programming needs no table if the integrand is
+//! concave: the value function (the gain that is still possible from part k on) has its maximum at one
+//! heading, and the best path turns as far as possible toward the maximum of the next part.
+//!
+//! The cosine is replaced by the parabola −w(θ − α)²/2, up to a constant. The slope of the value
+//! function is then linear between a few knots. From part to part, the knots below the maximum move by
+//! the highest turn and the knots above it by the lowest turn, so each part costs only a few operations.
+//! With w = sin φ/φ at the path found last, where φ = θ − α, the parabola touches the cosine from below.
+//! So each round gains, and the rounds converge to the best path.
 
 use super::buffer::Buffer;
 use super::parts::Parts;
@@ -21,10 +22,10 @@ use nalgebra::Complex;
 /// Largest number of rounds in which parabolas are fitted.
 const MOST_ROUNDS: usize = 6;
 
-/// Rounds end when no weight changes by more than this.
+/// The rounds end when all weights change by less than this.
 const SAME_WEIGHT: f64 = 5e-3;
 
-/// The front of a slice, in order of the direction α.
+/// The front of a slice, parametrised by the direction α.
 pub(super) struct MixedFront<'a> {
     parts: Parts<'a>,
     scratch: RefCell<Scratch>,
@@ -33,23 +34,23 @@ pub(super) struct MixedFront<'a> {
 /// A range of headings in which the slope of the value function is linear.
 #[derive(Clone, Copy, Debug, Default)]
 struct Stretch {
-    /// Width of the range, rad.
+    /// Width of the range (rad).
     length: f64,
-    /// How fast the slope falls with the heading, minus the sum of the weights before.
+    /// How fast the slope falls as the heading rises, minus the sum of the weights added before.
     fall: f64,
 }
 
 struct Scratch {
-    /// The best heading after each part: the maximum of its value function.
+    /// The best heading after each part: the maximum of the value function there.
     best: Buffer<f64>,
     headings: Buffer<f64>,
     weights: Buffer<f64>,
-    /// Ranges below and above the maximum, the nearest last.
+    /// Ranges below and above the maximum; the nearest range is the last one.
     below: Buffer<Stretch>,
     above: Buffer<Stretch>,
 }
 
-/// A point of the front and the direction it belongs to.
+/// A point of the front and its direction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Knot {
     direction: f64,
@@ -70,10 +71,11 @@ impl<'a> MixedFront<'a> {
         Self { parts, scratch: RefCell::new(scratch) }
     }
 
-    /// The directions of the lowest and of the highest path.
+    /// The directions of the lowest and the highest path.
     pub(super) fn directions(&self) -> (f64, f64) {
         let parts = &self.parts;
-        // The range of headings after each part that the start reaches and that still leads to the end heading.
+        // `low` and `high` bound the headings after each part that are reachable from the start and
+        // still lead to the end heading.
         let (mut low, mut high) = (parts.end_heading, parts.end_heading);
         let (mut under, mut over) = (parts.heading, parts.heading);
         for part in 0..parts.count {
@@ -106,7 +108,7 @@ impl Scratch {
         best[last] = maximum;
         for part in (1..=last).rev() {
             let (lo, hi) = parts.turns(part);
-            // Between these two the value function is constant.
+            // Between these two headings the value function is constant.
             let (from, to) = (maximum - hi, maximum - lo);
             let weight = weights[part - 1];
             let flat = Stretch { length: to - from, fall: -sum };
@@ -133,7 +135,7 @@ impl Scratch {
                 best[part - 1] = maximum;
                 continue;
             }
-            // Toward the zero of the slope, or the last heading that still leads to the end.
+            // Moves toward the zero of the slope, or to the last heading that still leads to the end.
             while slope > 0.0 && *count > 0 {
                 let Stretch { length, fall } = stack[*count - 1];
                 let way = slope / (fall + sum);
@@ -152,7 +154,7 @@ impl Scratch {
         }
     }
 
-    /// Fills in the headings of the path that turns toward the best headings.
+    /// Fills in the headings of the path that always turns toward the best headings.
     fn follow(&mut self, parts: &Parts<'_>) {
         let mut heading = parts.heading;
         for part in 0..parts.count {
@@ -195,16 +197,16 @@ impl Arc for MixedFront<'_> {
         (knot.direction, knot.point)
     }
 
-    /// The curve turns one way, as its direction does.
+    /// The curve turns in one direction only, by as much as its direction α changes.
     fn deviation(&self, a: Knot, b: Knot) -> f64 {
         deviation_of_turn(a.point, b.point, b.direction - a.direction)
     }
 }
 
-/// Lower bound on weights: beyond π the cosine has no such parabola.
+/// Lower bound on weights. For |φ| ≥ π, no parabola of this kind is concave.
 const LEAST_WEIGHT: f64 = 1e-3;
 
-/// sin φ/φ to within 0.003 up to π.
+/// sin φ/φ, with an error of at most 0.003 for |φ| up to π.
 fn weight_at(phi: f64) -> f64 {
     let x = (phi * phi).min(PI * PI);
     let series = 1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0));

@@ -1,15 +1,16 @@
 //! The rear of a slice where paths with more than two switches stay farther back.
 //!
-//! The goal is the path that ends farthest out along a direction, on the line through the queried
-//! position. The conditional-gradient method (Frank and Wolfe 1956) starts from the path of a
-//! window that ends nearest: each round finds, to first order, how turning in each part of the
-//! horizon moves the end, and gives the parts beyond some line the highest rate, as many as the end
-//! heading requires, and the others the lowest. The direction of that line is chosen so that the
-//! path ends on the line through the position. Because a concave function is minimised, a round
-//! gains more than its first-order estimate.
+//! The goal is to find the path that ends farthest out in a direction, on the line in this direction
+//! through the queried position. The conditional-gradient method (Frank and Wolfe 1956) starts from the
+//! window's path that ends nearest to the position. Each round computes, to first order, how turning in
+//! each part of the horizon moves the end. The parts beyond a switching line get the highest rate, as
+//! many as the end heading requires, and the other parts get the lowest rate. The direction of the
+//! switching line is chosen so that the path ends on the line through the position. Because a concave
+//! function is minimised, a round gains more than its first-order estimate.
 //!
-//! All paths between the one found and those of the window on both sides of the nearest one
-//! (headings interpolated) are admissible, so the three form a loop of reachable positions.
+//! The improved path and the window's paths on both sides of the nearest path form a loop: all paths
+//! that interpolate the headings of two of them are admissible, so the loop consists of reachable
+//! positions.
 
 use super::super::budget::Budget;
 use super::super::paths::unit;
@@ -19,58 +20,58 @@ use super::search::Arc;
 use super::span::Span;
 use nalgebra::Complex;
 
-/// A path is improved at most this often.
+/// Maximum number of rounds that improve a path.
 const MOST_ROUNDS: usize = 6;
 
-/// Rounds end when one gains less than this, s.
+/// The improvement ends when a round gains at most this (s).
 const LEAST_GAIN: f64 = 1e-6;
 
-/// If only a given distance matters: assumed upper bound on the gain of all later rounds together,
-/// as a multiple of one round's gain.
+/// Assumed upper bound on the total gain of all later rounds, as a multiple of the present round's
+/// gain. It is used only if the search has a target distance.
 const MOST_GROWTH: f64 = 30.0;
 
-/// The line is turned at most this far from the direction of interest, rad.
+/// Beyond this tilt (rad) from the direction of interest, the switching line is not tilted further.
 const MOST_TILT: f64 = 1.3;
 
-/// Initial step of the search for the direction, rad.
+/// Initial step of the search for the tilt (rad).
 const TILT_STEP: f64 = 0.35;
 
-/// Directions closer than this, rad, count as equal.
+/// Tilts that differ by at most this (rad) count as equal.
 const LEAST_TILT: f64 = 3e-3;
 
-/// Paths on both sides of the line whose ends are this near each other, s, are interpolated,
-/// at a loss of less than 10⁻⁵ s.
+/// Two paths on opposite sides of the line are interpolated if their ends are at most this far apart
+/// (s). The loss is less than 10⁻⁵ s.
 const SAME_END: f64 = 5e-3;
 
-/// The search for the direction of the line takes at most this many trials.
+/// Maximum number of trials in the search for the tilt.
 const MOST_TRIALS: usize = 24;
 
 /// Cost of a trial per part of the path, in units of a [`Budget`].
 const TRYING: usize = 8;
 
-/// Ends at most this far, s, to the side of the line count as on it.
+/// Ends less than this far (s) to the side of the line count as on the line.
 const ON_LINE: f64 = 1e-5;
 
-/// The loop of three paths and those between them. The parameter is 0 and 3 for the first, 1 for
-/// the second, 2 for the third.
+/// The loop of three paths and the paths interpolated between them. The parameter is 0 and 3 for the
+/// first path, 1 for the second and 2 for the third.
 pub(super) struct Loop<'a> {
     parts: Parts<'a>,
     headings: [Buffer<f64>; 3],
 }
 
-/// A path of the loop: its place in it, and its end.
+/// A path of the loop: its parameter and its end.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Knot {
     place: f64,
     point: Complex<f64>,
 }
 
-/// A part, and how much turning more in it moves the end.
+/// How far turning more in a part moves the end (up to a constant), and the index of the part.
 type Rank = (f64, usize);
 
 impl<'a> Loop<'a> {
-    /// The loop of a window's paths at three parameters. The middle one is improved until it ends
-    /// `enough`, s, beyond `position`, seen from its original end, or gets no farther.
+    /// The loop of a window's paths at three parameters. The middle path is improved until it ends
+    /// `enough` (s) beyond `position`, as seen from its original end, or until it gets no farther.
     pub(super) fn new(
         span: Span<'a>,
         headings: impl Fn(f64, &mut [f64]),
@@ -88,7 +89,7 @@ impl<'a> Loop<'a> {
         found
     }
 
-    /// Improves the middle path until it ends `enough` beyond the position.
+    /// Improves the middle path until it ends `enough` beyond the position, if possible.
     fn improve(&mut self, position: Complex<f64>, enough: f64, budget: &Budget<'_>) {
         let Self { parts, headings: [_, best, _] } = self;
         let mut middles = Buffer::new(parts.count);
@@ -121,7 +122,7 @@ impl<'a> Loop<'a> {
     }
 }
 
-/// The line on which paths are to end, as far out as possible.
+/// The line on which paths should end, as far out as possible.
 struct Line<'a> {
     parts: &'a Parts<'a>,
     position: Complex<f64>,
@@ -130,16 +131,17 @@ struct Line<'a> {
 }
 
 impl Line<'_> {
-    /// A position relative to that on the line: how far out (real), and how far left.
+    /// An end relative to the queried position: how far out (real part) and how far left (imaginary
+    /// part) it is.
     fn seen(&self, end: Complex<f64>) -> Complex<f64> {
         (end - self.position) * self.outward.conj()
     }
 
-    /// To first order the farthest path that ends on the line, given the middles of the parts of
-    /// a path; `None` if there is none.
+    /// The path that ends on the line and, to first order, farthest out. `middles` are the middles of the
+    /// parts of the present path. Returns `None` if no path was found.
     fn farther(&self, middles: &[Complex<f64>]) -> Option<Buffer<f64>> {
         let mut ranks = Buffer::new(self.parts.count);
-        // Tilted to the right, paths end more to the right.
+        // The more the direction is tilted to the right, the farther right a path ends.
         let (mut right, mut left): (Option<Trial>, Option<Trial>) = (None, None);
         let mut tilt = 0.0;
         for _ in 0..MOST_TRIALS {
@@ -177,16 +179,17 @@ impl Line<'_> {
     }
 }
 
-/// A path, and on which side of the line it ends.
+/// A path, and its end relative to the line.
 struct Trial {
     tilt: f64,
-    /// How far left of the line it ends, s.
+    /// How far to the left of the line the path ends (s).
     aside: f64,
     path: Buffer<f64>,
 }
 
-/// Fills in the headings of the path to the end heading that turns most in the parts whose
-/// middles are farthest to the left of `direction`, since turning more there moves the end along it.
+/// Fills in the headings of the path that turns most in the parts whose middles are farthest to the left
+/// of `direction`, because turning more there moves the end along `direction`. The path ends with the
+/// end heading.
 fn turn_most(
     parts: &Parts<'_>,
     middles: &[Complex<f64>],
@@ -237,7 +240,8 @@ impl Arc for Loop<'_> {
     /// Between two paths whose headings differ by δ, the second derivative is at most ∫δ².
     fn deviation(&self, a: Knot, b: Knot) -> f64 {
         let (first, second, _) = self.knot_between(a.place.min(b.place));
-        // Headings are linear in the share: the mean square is at most that of the whole.
+        // δ is linear in time within each part. So ∫δ² is at most the sum of δ² at the ends of the
+        // parts, times the length of a part.
         let apart: f64 = first.iter().zip(second).map(|(a, b)| (b - a) * (b - a)).sum();
         0.125 * (b.place - a.place) * (b.place - a.place) * self.parts.seconds * apart
     }

@@ -1,9 +1,10 @@
-//! Does any pose of an uncertain start lead to a state?
+//! Decides whether any pose of an uncertain start leads to a state.
 //!
-//! All poses of a cell (a range of headings and a box of positions) are decided at once. From the pose in the
-//! middle, the state is some distance from the reachable ones. From a pose that is turned by δ and shifted by
-//! s, paths to the same end heading end at most |s| + δ·(travel time) away from those, since their headings
-//! differ by at most δ at any time. So the whole cell is decided, or halved.
+//! All poses of a cell (a range of headings and a box of positions) are decided at once. First, the
+//! distance of the state from the states reachable from the cell's middle pose is computed. From a pose
+//! that is turned by δ and shifted by s, paths to the same end heading end at most
+//! |s| + δ·(travel time) away from the corresponding paths from the middle pose, because the headings
+//! differ by at most δ at any time. So either the distance decides the whole cell, or the cell is halved.
 
 use super::super::budget::Budget;
 use super::super::paths::unit;
@@ -15,44 +16,45 @@ use crate::math::{PI, TAU, hypot};
 use crate::vehicle::Pose;
 use nalgebra::Complex;
 
-/// Distances are searched this much farther than needed, s, so that rounding decides nothing.
+/// The search radius exceeds the required distance by this much (s), so that rounding errors do not
+/// decide.
 const GUARD: f64 = 1e-6;
 
-/// Poses whose paths end no farther apart than this, s, count as one.
+/// Poses whose paths end at most this far apart (s) count as one pose.
 const SAME_POSE: f64 = 1e-4;
 
-/// The query whether a start leads to a state.
+/// The query whether a start set leads to a state.
 pub(super) struct Origins<'a> {
     set: &'a ReachableSet,
     step: usize,
     seconds: f64,
-    /// The state, seen from the pose in the middle, s and rad.
+    /// The state, relative to the start pose in the middle (s and rad).
     position: Complex<f64>,
     heading: f64,
-    /// The tolerated distance, s, including the disc of positions in which the start may be, and
-    /// the tolerated turn, rad.
+    /// The tolerated distance (s), which includes the disc of an uncertain start position, and the
+    /// tolerated difference of the headings (rad).
     near: f64,
     turn: f64,
     budget: &'a Budget<'a>,
 }
 
-/// Start poses, relative to the one in the middle: s and rad.
+/// A cell of start poses, relative to the start pose in the middle (s and rad).
 #[derive(Clone, Copy, Debug)]
 struct Cell {
     shift: Complex<f64>,
     half: [f64; 2],
-    /// Lowest and highest.
+    /// Lowest and highest heading.
     headings: (f64, f64),
 }
 
 impl Cell {
-    /// Largest distance, s, between the ends of paths from its poses and of paths from its middle
-    /// pose that turn alike.
+    /// Upper bound on the distance (s) between the end of a path from any pose of the cell and the end
+    /// of the corresponding path from its middle pose.
     fn spread(&self, seconds: f64) -> f64 {
         0.5 * seconds * (self.headings.1 - self.headings.0) + self.half[0] + self.half[1]
     }
 
-    /// A state, seen from the pose in the middle.
+    /// A state, relative to the cell's middle pose.
     fn seen_from(&self, position: Complex<f64>, heading: f64) -> (Complex<f64>, f64) {
         let middle = 0.5 * (self.headings.0 + self.headings.1);
         ((position - self.shift) * unit(-middle), heading - middle)
@@ -91,14 +93,14 @@ impl<'a> Origins<'a> {
             position: set.local(state),
             heading: state.psi - set.start.psi,
             near: (tolerance.position_m + set.start_set.extents().0) / set.speed_mps,
-            // Half a turn to either side covers all headings.
+            // A tolerance of half a turn to either side covers all headings.
             turn: tolerance.heading_rad.min(PI),
             budget,
         }
     }
 
-    /// Whether a pose of the start leads to the state within the tolerance. At most `trials` body points are tried
-    /// to prove that none does.
+    /// Whether a pose of the start set leads to the state within the tolerance. Tries at most `trials`
+    /// body points to prove that no pose does.
     pub(super) fn decide(&self, mut trials: usize) -> Membership {
         let half = self.set.start_set.extents().1.map(|length| length / self.set.speed_mps);
         let away = self.position.norm_sqr();
@@ -106,7 +108,7 @@ impl<'a> Origins<'a> {
         if away.is_nan() || away > reach * reach || !self.heading.is_finite() {
             return Membership::Outside;
         }
-        // Half of the work is for proofs.
+        // Half of the budget is for proofs.
         let rest = self.budget.set_aside(2);
         let found = self.cells(half).any(|(cell, heading)| self.any_of(cell, heading));
         self.budget.give_back(rest);
@@ -114,7 +116,7 @@ impl<'a> Origins<'a> {
             return Membership::Inside;
         }
         let mut prover = Prover::default();
-        // A proof for all poses of the start holds for every number of whole turns.
+        // A proof for all poses of the start set holds for every number of whole turns.
         let all = self.set.start_set.heading_rad;
         let whole = Cell { shift: Complex::new(0.0, 0.0), half, headings: (-all, all) };
         let proven = self
@@ -127,7 +129,8 @@ impl<'a> Origins<'a> {
         if outside { Membership::Outside } else { Membership::Open }
     }
 
-    /// The state's heading is known up to whole turns; each number of turns admits some headings at the start.
+    /// One cell for each number of whole turns in the state's heading, with the start headings that are
+    /// possible for it; and the state's heading, not wrapped.
     fn cells(&self, half: [f64; 2]) -> impl Iterator<Item = (Cell, f64)> {
         let most = self.set.start_set.heading_rad;
         let (low, high) = self.set.end_headings(self.step);
@@ -144,13 +147,13 @@ impl<'a> Origins<'a> {
             })
     }
 
-    /// Whether any pose of the cell leads to the state, if the state's heading, not wrapped, is
-    /// `heading`. The nearer half is searched first.
+    /// Whether any pose of the cell leads to the state. `heading` is the state's heading, not wrapped.
     fn any_of(&self, cell: Cell, heading: f64) -> bool {
         self.any_near(cell, self.distance_from(cell, heading), heading)
     }
 
-    /// The same, given the state's `distance` from the states that the middle of the cell leads to.
+    /// Like [`Self::any_of`], given the state's `distance` from the states that the cell's middle pose
+    /// leads to. Searches the nearer half of the cell first.
     fn any_near(&self, cell: Cell, distance: f64, heading: f64) -> bool {
         let spread = cell.spread(self.seconds);
         if distance <= self.near {
@@ -168,7 +171,8 @@ impl<'a> Origins<'a> {
         self.any_near(first.0, first.1, heading) || self.any_near(second.0, second.1, heading)
     }
 
-    /// Distance of the state from those that the middle pose of the cell leads to; see [`Self::distance`].
+    /// Distance of the state from the states that the cell's middle pose leads to; see
+    /// [`Self::distance`].
     fn distance_from(&self, cell: Cell, heading: f64) -> f64 {
         let (position, turned) = cell.seen_from(self.position, heading);
         self.distance(position, turned, self.near + cell.spread(self.seconds))
@@ -188,7 +192,7 @@ impl<'a> Origins<'a> {
                 .all(|cell| self.none_of(cell, heading, prover, trials))
     }
 
-    /// Whether one body point proves it for the whole cell.
+    /// Whether one body point proves that no pose of the cell leads to the state.
     fn proves(&self, cell: Cell, heading: f64, prover: &mut Prover, trials: &mut usize) -> bool {
         let (position, turned) = cell.seen_from(self.position, heading);
         let claim = Claim {
@@ -201,8 +205,8 @@ impl<'a> Origins<'a> {
         prover.proves(&self.set.paths, self.step, claim, trials, self.budget)
     }
 
-    /// Distance of a position from those reached from the pose in the middle with a heading, or with one that
-    /// differs by no more than the tolerance; some number above `reach` if it is farther.
+    /// Distance of a position from the positions reached from the middle pose with `heading`, or with a
+    /// heading within the tolerance. If the distance exceeds `reach`, returns some number above `reach`.
     fn distance(&self, position: Complex<f64>, heading: f64, reach: f64) -> f64 {
         let (low, high) = self.set.end_headings(self.step);
         let to = |heading: f64, reach: f64| {
@@ -210,7 +214,8 @@ impl<'a> Origins<'a> {
             let slice = Slice::new(&self.set.paths, self.step, heading, self.budget);
             slice.outside_by(position, self.near, reach + GUARD)
         };
-        // Turning a path by the tolerance moves its end by at most the second term.
+        // The second term bounds how far the end of a path moves if its heading changes by the
+        // tolerance.
         let turned = reach + self.turn * self.seconds;
         let distance = to(heading, turned);
         if distance <= self.near || distance > turned {

@@ -1,25 +1,25 @@
-//! Paths that turn at one rate in each quarter of a step.
+//! Paths with a constant turn rate in each quarter of a step.
 
 use super::super::paths::{Paths, Turn, unit};
 use super::span::Span;
 use nalgebra::Complex;
 
-/// Parts of a step.
+/// Number of parts of a step.
 pub(super) const PARTS: usize = 4;
 
-/// The steps with a choice, cut into parts.
+/// The steps from the first to the last one with a choice, divided into parts.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Parts<'a> {
     paths: &'a Paths,
     first: usize,
     /// Number of parts.
     pub(super) count: usize,
-    /// Length of a part, s.
+    /// Duration of a part (s).
     pub(super) seconds: f64,
-    /// Heading and position where the first part begins.
+    /// Heading and position at the beginning of the first part.
     pub(super) heading: f64,
     point: Complex<f64>,
-    /// Heading where the last part ends.
+    /// Heading at the end of the last part.
     pub(super) end_heading: f64,
     /// The displacement after the last part.
     rest: Complex<f64>,
@@ -42,14 +42,14 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// Least and greatest turn in a part, rad.
+    /// Lowest and highest turn in a part (rad).
     pub(super) fn turns(&self, part: usize) -> (f64, f64) {
         let step = self.first + part / PARTS;
         (self.paths.lo[step] * self.seconds, self.paths.hi[step] * self.seconds)
     }
 
-    /// Where the path with these headings after each part ends. `each` is called with the
-    /// displacement in each part.
+    /// The end of the path with these headings after each part. Calls `each` with the displacement in
+    /// each part.
     pub(super) fn drive(
         &self,
         headings: impl Iterator<Item = f64>,
@@ -68,7 +68,7 @@ impl<'a> Parts<'a> {
         point + self.rest
     }
 
-    /// The same; writes the middle of each part to `middles`.
+    /// Like [`Self::drive`], but also writes the midpoint of each part's chord to `middles`.
     pub(super) fn drive_between(
         &self,
         headings: impl Iterator<Item = f64>,

@@ -1,13 +1,13 @@
-//! The distance of a curve from a position, and how the curve winds about it, from as few of its
-//! points as possible.
+//! The distance of a curve from a position, and the winding of the curve around it, computed from as
+//! few points of the curve as possible.
 
 use super::super::budget::Budget;
 use super::super::sampling::to_segment;
 use nalgebra::Complex;
 
-/// A curve whose points can be computed one by one, with a bound on how far it is from chords.
+/// A curve whose points can be computed one by one, with a bound on its distance from chords.
 pub(super) trait Arc {
-    /// A point of the curve, with the data for the bound.
+    /// A point of the curve, with the data that the bound needs.
     type Knot: Copy;
 
     /// The point at a parameter.
@@ -23,27 +23,27 @@ pub(super) trait Arc {
     fn deviation(&self, a: Self::Knot, b: Self::Knot) -> f64;
 }
 
-/// The result for the curves followed so far; meaningless once the budget is spent.
+/// The result for the curves followed so far. It is meaningless if the budget is spent.
 #[derive(Clone, Copy)]
 pub(super) struct Search<'a> {
     budget: &'a Budget<'a>,
     position: Complex<f64>,
-    /// The smallest distance found, or the reach if none is below it.
+    /// The smallest distance found, or the search radius `reach` if no distance is below it.
     pub(super) distance: f64,
-    /// The approximate parameter and the point where it was found.
+    /// The approximate parameter and the point at which the smallest distance was found.
     pub(super) nearest: f64,
     pub(super) point: Complex<f64>,
-    /// The search ends when a point at this distance or nearer is found.
+    /// The search ends when it finds a point at this distance or nearer.
     enough: f64,
-    /// How often the curves cross the ray to the right of the position, upward
-    /// minus downward. Meaningless once `found`.
+    /// Crossings of the curves with the ray to the right of the position: upward minus downward.
+    /// Meaningless once `found()` is true.
     pub(super) crossings: i32,
 }
 
-/// A chord that follows the curve this closely, s, replaces it.
+/// If a chord is within this distance (s) of the curve, it replaces the curve.
 const EXACT: f64 = 2e-7;
 
-/// A parameter range is halved at most this often.
+/// Maximum depth of halving a parameter range.
 const MOST_HALVINGS: u32 = 48;
 
 impl<'a> Search<'a> {
@@ -58,7 +58,7 @@ impl<'a> Search<'a> {
         Self { budget, position, distance: reach, nearest: f64::NAN, point, enough, crossings: 0 }
     }
 
-    /// Whether a point near enough was found.
+    /// Whether a point at distance `enough` or nearer was found.
     pub(super) fn found(&self) -> bool {
         self.distance <= self.enough
     }
@@ -68,7 +68,7 @@ impl<'a> Search<'a> {
         self.found() || self.budget.is_spent()
     }
 
-    /// Follows a curve through the parameters given, in their order.
+    /// Follows a curve through the given parameters, in their order.
     pub(super) fn follow<A: Arc>(&mut self, arc: &A, parameters: impl IntoIterator<Item = f64>) {
         let mut last: Option<A::Knot> = None;
         for parameter in parameters {
@@ -83,7 +83,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Adds the crossing of the gap between two points that differ by rounding.
+    /// Counts a crossing of the gap between two points that differ by a rounding error.
     pub(super) fn join(&mut self, from: Complex<f64>, to: Complex<f64>) {
         self.crossings += crossing(self.position, from, to);
     }
@@ -103,7 +103,8 @@ impl<'a> Search<'a> {
         let ((from, start), (to, end)) = (A::place(a), A::place(b));
         let deviation = arc.deviation(a, b);
         let (distance, share) = to_segment(self.position, start, end);
-        // The position is outside the region between curve and chord: both cross the ray alike.
+        // If the position is outside the region between curve and chord, both have the same crossings
+        // with the ray.
         let clear = distance > deviation && distance - deviation >= self.distance;
         if clear || deviation <= EXACT || halvings == 0 {
             if distance < self.distance {
@@ -123,8 +124,8 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Whether the segment crosses the ray to the right of the position: 1 upward,
-/// −1 downward, else 0.
+/// The crossing of a segment with the ray to the right of the position: 1 if upward, −1 if downward, 0
+/// if there is none.
 fn crossing(position: Complex<f64>, start: Complex<f64>, end: Complex<f64>) -> i32 {
     let (above, below) = (start.im > position.im, end.im > position.im);
     if above == below {
@@ -141,11 +142,12 @@ fn crossing(position: Complex<f64>, start: Complex<f64>, end: Complex<f64>) -> i
     }
 }
 
-/// How far a curve that turns one way only, by `turn` rad, may be from its chord.
+/// Upper bound on the distance from its chord of a curve that turns in one direction only, by `turn`
+/// (rad).
 pub(super) fn deviation_of_turn(a: Complex<f64>, b: Complex<f64>, turn: f64) -> f64 {
     if turn.abs() > 1.0 {
         return f64::INFINITY;
     }
-    // tan(x/2)/2 ≤ 0.2732 x up to x = 1.
+    // tan(x/2)/2 ≤ 0.2732 x for x up to 1.
     0.2732 * (b - a).norm_sqr().sqrt() * turn.abs()
 }

@@ -1,17 +1,17 @@
-//! The positions reached after some steps with one end heading: their boundary.
+//! The boundary of the positions reached after a number of steps with one end heading ψ.
 //!
-//! Three curves of paths run from the lowest to the highest path that end with heading ψ:
+//! Three curves of paths run from the lowest to the highest path that ends with heading ψ:
 //!
-//! * **window of lo**: bang-bang paths with the highest rates except for the lowest between two
-//!   switches. ψ fixes the time between the switches, so one number is free;
-//! * **window of hi**: likewise with the bounds exchanged;
-//! * **front**: turn toward a direction at full rate, go straight, turn to ψ at full rate
-//!   (where straight is not always admissible, see `mixed_front`).
+//! * **window of lo**: bang-bang paths with the lowest rates between two switches and the highest rates
+//!   otherwise. ψ fixes the time between the switches, so one parameter is free;
+//! * **window of hi**: the corresponding paths with the bounds exchanged;
+//! * **front**: paths that turn toward a direction at full rate, go straight, and turn to ψ at full rate
+//!   (if driving straight is not always admissible, see `mixed_front`).
 //!
-//! If every step turns left, the windows of lo get farthest; if every step turns right, those
-//! of hi. Otherwise both windows are rears, and paths with more switches may stay still farther back
-//! (`multi_switch`). By Pontryagin's principle the rate is hi on the left of some line and lo on
-//! its right; for constant bounds see Patsko, Pyatko and Fedotov 2003, "Three-dimensional
+//! If every step turns left, the paths of the window of lo get farthest; if every step turns right, the
+//! paths of the window of hi. Otherwise both windows are rears, and paths with more switches may stay
+//! even farther back (`multi_switch`). By Pontryagin's principle the rate is hi on the left of some line
+//! and lo on its right; for constant bounds see Patsko, Pyatko and Fedotov 2003, "Three-dimensional
 //! reachability set for a nonlinear control system". Lengths are in seconds of travel, in the
 //! human's frame.
 
@@ -24,19 +24,19 @@ use super::search::{Arc, Search, deviation_of_turn};
 use super::span::Span;
 use nalgebra::Complex;
 
-/// The slice of end heading `heading`.
+/// The slice for one end heading.
 #[derive(Clone, Copy)]
 pub(super) struct Slice<'a> {
     budget: &'a Budget<'a>,
     span: Span<'a>,
-    /// How much lower the end heading is than under the highest rates throughout, rad.
+    /// Difference of the end heading under the highest rates throughout and this end heading (rad).
     below_high: f64,
-    /// How much higher it is than under the lowest rates throughout, rad.
+    /// Difference of this end heading and the end heading under the lowest rates throughout (rad).
     above_low: f64,
     kind: Kind,
 }
 
-/// The turns that the bounds admit; they determine the front.
+/// The turns that the bounds admit. They determine the kind of front.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     AlwaysLeft,
@@ -56,22 +56,22 @@ pub(super) enum Curve {
     MultiSwitch,
 }
 
-/// Paths with more than two switches are searched only this near the other curves, as a share of
-/// the travel time times the square of the angle, rad, that the highest rate turns by in it.
-/// Measured gain: 0.0018.
+/// Paths with more than two switches are searched only within this distance of the other curves. The
+/// distance is a fraction of the travel time multiplied by the square of the angle (rad) that the
+/// fastest rate turns by in this time. The largest measured gain is 0.0018.
 const MOST_GAIN: f64 = 0.002;
 
 /// Cost of a point of a window or of the front, in units of a [`Budget`].
 const OF_KNOT: usize = 24;
 
-/// Width of a loop of such paths, s.
+/// Width of a loop of paths with more than two switches (s).
 const LOOP_S: f64 = 0.04;
 
 const WINDOWS: [Curve; 2] = [Curve::LoWindow, Curve::HiWindow];
 
 impl<'a> Slice<'a> {
-    /// The slice after `steps` steps; `heading`, rad and not wrapped, must be admissible. Once the
-    /// budget is spent, its results are meaningless.
+    /// The slice after `steps` steps. `heading` (rad, not wrapped) must be admissible. Once the budget
+    /// is spent, the results of the slice's methods are meaningless.
     pub(super) fn new(
         paths: &'a Paths,
         steps: usize,
@@ -99,7 +99,7 @@ impl<'a> Slice<'a> {
         }
     }
 
-    /// The curve that gets farthest.
+    /// The curve whose paths get farthest.
     pub(super) fn front(&self) -> Curve {
         match self.kind {
             Kind::AlwaysLeft => Curve::LoWindow,
@@ -109,7 +109,7 @@ impl<'a> Slice<'a> {
         }
     }
 
-    /// The curves other than those of `multi_switch`.
+    /// All curves except the loops of `multi_switch`.
     fn curves(&self) -> impl Iterator<Item = Curve> {
         WINDOWS.into_iter().chain(Some(self.front()).filter(|front| !WINDOWS.contains(front)))
     }
@@ -119,7 +119,7 @@ impl<'a> Slice<'a> {
         matches!(self.kind, Kind::StraightAdmissible | Kind::Mixed)
     }
 
-    /// The distance from the other curves, s, within which those paths are searched.
+    /// The distance (s) from the other curves within which paths with more switches are searched.
     fn most_gain(&self) -> f64 {
         let rates = self.span.bounds().flat_map(|(lo, hi)| [lo, hi]);
         let fastest = rates.fold(0.0, |most: f64, rate| most.max(rate.abs()));
@@ -127,8 +127,9 @@ impl<'a> Slice<'a> {
         MOST_GAIN * seconds * (fastest * seconds) * (fastest * seconds)
     }
 
-    /// Distance of a position from the slice, s; 0 inside. A distance of `enough` or less ends the search; if
-    /// it is `reach` or more, or the budget is spent, the result is some number ≥ `reach`.
+    /// Distance of a position from the slice (s); 0 if the position is inside. The search ends when it
+    /// finds a distance of `enough` or less. If the distance is `reach` or more, or if the budget is
+    /// spent, the result is some number ≥ `reach`.
     pub(super) fn outside_by(&self, position: Complex<f64>, enough: f64, reach: f64) -> f64 {
         let mut nearest = f64::INFINITY;
         let mut winding = None;
@@ -175,15 +176,16 @@ impl<'a> Slice<'a> {
         nearest
     }
 
-    /// The nearest point to a position on the curves other than those of `multi_switch`, and its distance, s.
+    /// The point nearest to a position on all curves except the loops of `multi_switch`, and its distance
+    /// (s).
     pub(super) fn nearest(&self, position: Complex<f64>) -> (Complex<f64>, f64) {
         let searches = self.curves().map(|curve| self.search(curve, position, 0.0, f64::INFINITY));
         let nearest = searches.min_by(|a, b| a.distance.total_cmp(&b.distance));
         nearest.map_or((position, 0.0), |search| (search.point, search.distance))
     }
 
-    /// Signed distance of a position from the slice's boundary, s, positive
-    /// inside, and the curve that is nearest.
+    /// Signed distance of a position from the slice's boundary (s; positive inside), and the nearest
+    /// curve.
     pub(super) fn margin(&self, position: Complex<f64>) -> (f64, Curve) {
         let mut found: [Option<(Curve, Search<'_>)>; 5] = [None; 5];
         for (place, curve) in found.iter_mut().zip(self.curves()) {
@@ -195,7 +197,7 @@ impl<'a> Slice<'a> {
                 if window.distance < self.most_gain() {
                     let mut search =
                         self.more_switches(curve, &window, position, 0.0, f64::INFINITY);
-                    // The window with the loop joined to it.
+                    // The curve is the window with the loop joined to it.
                     search.crossings += window.crossings;
                     found[3 + i] = Some((Curve::MultiSwitch, search));
                 }
@@ -203,7 +205,8 @@ impl<'a> Slice<'a> {
         }
         let found = || found.iter().flatten();
         let nearer = |a: (f64, Curve), b: (f64, Curve)| if b.0 < a.0 { b } else { a };
-        // A position that two curves surround is inside, by the distance of the nearer one.
+        // A position that two curves surround is inside. Its margin is its distance from the nearer
+        // curve.
         let pairs = found().flat_map(|(first, a)| {
             found()
                 .filter(|(_, b)| a.crossings != b.crossings)
@@ -218,7 +221,7 @@ impl<'a> Slice<'a> {
         })
     }
 
-    /// The search along the loop of paths with more switches next to a window, near the position.
+    /// Searches the loop of paths with more switches that adjoins a window near the position.
     fn more_switches(
         &self,
         curve: Curve,
@@ -236,7 +239,8 @@ impl<'a> Slice<'a> {
         let apart = 0.5 * LOOP_S / (knot.to - knot.from).max(LOOP_S);
         let parameters = [-apart, 0.0, apart].map(|by| (found.nearest + by).clamp(0.0, most));
         let headings = |parameter: f64, path: &mut [f64]| window.headings(parameter, path);
-        // To the middle of the range that is near enough, or as far as possible if the distance itself matters.
+        // The target is the middle of the range of sufficient distances, or as far as possible if the
+        // distance itself is needed.
         let beyond = if reach.is_finite() { -0.5 * enough } else { f64::INFINITY };
         let found = Loop::new(self.span, headings, parameters, (position, beyond), self.budget);
         search.follow(&found, [0.0, 1.0, 2.0, 3.0]);
@@ -268,7 +272,7 @@ impl<'a> Slice<'a> {
                 let front = MixedFront::new(self.span);
                 let (lowest, highest) = front.directions();
                 search.follow(&front, [lowest, highest]);
-                // The ends of its curve differ slightly from those of the windows.
+                // The ends of this front differ slightly from the ends of the windows.
                 let window = self.lo_window();
                 let tips = [0.0, self.above_low].map(|from| window.knot(from).point);
                 let [first, last] =
@@ -290,17 +294,18 @@ impl<'a> Slice<'a> {
         Window { slice: self, outer, inner, width: self.above_low, sign: -1.0 }
     }
 
-    /// The moment at which the headings of the two outermost paths have come to differ by `turn`.
+    /// The moment at which the difference between the headings of the two outermost paths reaches `turn`.
     fn apart_by(&self, turn: f64) -> Moment {
         let (low, high) = (&self.span.paths.low, &self.span.paths.high);
         self.instant(turn, |step| high.heading(step) - low.heading(step))
     }
 
-    /// The moment at which a quantity reaches `value`; an end of the steps with a choice if it does not. The
-    /// quantity never falls and is linear between its values `at` the beginning of each step.
+    /// The moment at which a quantity reaches `value`, or the nearer end of the steps with a choice if it
+    /// does not. The quantity never decreases. It is linear between its values `at` the beginning of
+    /// each step.
     fn instant(&self, value: f64, at: impl Fn(usize) -> f64) -> Moment {
         let (mut first, mut last) = (self.span.first, self.span.last);
-        // at(first) ≤ value < at(last), if there are such steps.
+        // Invariant: at(first) ≤ value < at(last), if there are such steps.
         while first + 1 < last {
             let middle = usize::midpoint(first, last);
             if at(middle) <= value {
@@ -331,19 +336,19 @@ impl Path {
     }
 }
 
-/// A point of a curve whose derivative is ±i·∫e^{iθ} over a stretch of the path.
+/// A point of a curve. The derivative of the curve is ±i·∫e^{iθ} over a stretch of the path.
 #[derive(Clone, Copy, Debug)]
 struct Knot {
     parameter: f64,
     point: Complex<f64>,
-    /// The stretch, s after the start.
+    /// Beginning and end of the stretch (s after the start).
     from: f64,
     to: f64,
 }
 
-/// The rates of `outer`, except for a stretch with those of `inner`, in which the heading comes to
-/// differ by `width` from that under `outer`. The parameter is the difference of the outermost
-/// paths' headings where the stretch begins.
+/// Paths with the rates of `outer`, except for a stretch with the rates of `inner`. At the end of the
+/// stretch, the heading differs by `width` from the heading of `outer`. The parameter is the difference
+/// between the headings of the two outermost paths at the beginning of the stretch.
 struct Window<'a> {
     slice: &'a Slice<'a>,
     outer: &'a Path,
@@ -354,7 +359,7 @@ struct Window<'a> {
 }
 
 impl Window<'_> {
-    /// Fills in the headings after each part of the path with this parameter.
+    /// Fills in the headings after each part, for the path with this parameter.
     fn headings(&self, parameter: f64, path: &mut [f64]) {
         let parts = Parts::new(self.slice.span);
         let (mut low, mut high) = (parts.heading, parts.heading);
@@ -389,8 +394,8 @@ impl Arc for Window<'_> {
         (knot.parameter, knot.point)
     }
 
-    /// A chord deviates by a quarter of the parameter's range times the change of
-    /// the derivative, which changes as the stretch moves and turns.
+    /// The deviation from a chord is at most a quarter of the parameter range times the change of the
+    /// derivative. The derivative changes because the stretch moves and turns.
     fn deviation(&self, a: Knot, b: Knot) -> f64 {
         let range = (b.parameter - a.parameter).abs();
         let moved = (b.from - a.from).abs() + (b.to - a.to).abs();
@@ -399,11 +404,11 @@ impl Arc for Window<'_> {
     }
 }
 
-/// Headings closer than this, rad, differ by rounding errors only.
+/// Headings closer together than this (rad) differ only by rounding errors.
 const SAME_HEADING: f64 = 1e-9;
 
-/// Turn at full rate toward a direction (the parameter), go straight, turn at
-/// full rate to the end heading.
+/// Paths that turn at full rate toward a direction (the parameter), go straight, and turn at full rate
+/// to the end heading.
 struct Straight<'a> {
     slice: &'a Slice<'a>,
 }
@@ -424,7 +429,8 @@ impl Arc for Straight<'_> {
         } else {
             (rising(direction + slice.below_high), high, -slice.below_high)
         };
-        // Where a full rate is zero, its path is straight too, and the computed instant may be anywhere on it.
+        // Where the full rate is zero, the turn is a straight line too, and the computed instant may be
+        // anywhere on it.
         if to.time < from.time {
             if (toward.at(to).1 - direction).abs() < SAME_HEADING {
                 from = to;
@@ -447,7 +453,7 @@ impl Arc for Straight<'_> {
         (knot.parameter, knot.point)
     }
 
-    /// The curve turns one way, as its parameter does.
+    /// The curve turns in one direction only, by as much as its parameter changes.
     fn deviation(&self, a: Knot, b: Knot) -> f64 {
         deviation_of_turn(a.point, b.point, b.parameter - a.parameter)
     }

@@ -1,4 +1,4 @@
-//! Converts curves of arcs to polygons around them.
+//! Converts curves of arcs to polygons that enclose them.
 
 use super::super::paths::unit;
 use super::super::sampling::to_segment;
@@ -6,11 +6,11 @@ use super::edges::{Corner, Edge, cross};
 use super::{MOST_CORNERS, Point};
 use crate::math::{PI, atan2};
 
-/// The tolerance of [`coarsen`] is doubled at most this often.
+/// [`coarsen`] doubles its tolerance at most this often.
 const MOST_DOUBLINGS: u32 = 6;
 
-/// Replaces `boundary` by a polygon around the curve that exceeds it by at most `tolerance`:
-/// outside of arcs to the left, and along the chords of arcs to the right.
+/// Replaces `boundary` by a polygon that encloses the curve and exceeds it by at most `tolerance`. Its
+/// edges lie outside arcs that turn left, and are chords of arcs that turn right.
 pub(super) fn polyline(corners: &[Corner], tolerance: f64, boundary: &mut Vec<Point>) {
     boundary.clear();
     for (i, corner) in corners.iter().enumerate() {
@@ -23,7 +23,7 @@ pub(super) fn polyline(corners: &[Corner], tolerance: f64, boundary: &mut Vec<Po
         if width <= 0.0 {
             continue;
         }
-        // r·δ²/8 ≤ tolerance, and at most a sixth of a turn.
+        // Each edge covers an angle δ with r·δ²/8 ≤ tolerance, and at most a sixth of a turn.
         let radius = from.norm_sqr().sqrt();
         let count = (width * (radius / (8.0 * tolerance)).sqrt()).ceil();
         let count = count.clamp((width * 3.0 / PI).ceil().max(1.0), MOST_EDGES);
@@ -45,7 +45,7 @@ pub(super) fn polyline(corners: &[Corner], tolerance: f64, boundary: &mut Vec<Po
     }
 }
 
-/// Largest number of edges of an arc.
+/// Largest number of edges for one arc.
 const MOST_EDGES: f64 = 100.0;
 
 /// [Loosens](loosen) a polygon until it has few vertices.
@@ -60,8 +60,9 @@ pub(super) fn coarsen(boundary: &mut Vec<Point>, scratch: &mut Vec<Point>, toler
     }
 }
 
-/// Removes vertices so that the polygon grows, nowhere by more than `tolerance`: a vertex at which it turns
-/// right is left out; two at which it turns left are replaced by the intersection of their other edges.
+/// Removes vertices so that the polygon only grows, and nowhere by more than `tolerance`. A vertex with
+/// a right turn is omitted. Two neighbouring vertices with left turns are replaced by the intersection
+/// of their outer edges.
 pub(super) fn loosen(boundary: &mut Vec<Point>, scratch: &mut Vec<Point>, tolerance: f64) {
     for _ in 0..4 {
         let n = boundary.len();
@@ -78,7 +79,7 @@ pub(super) fn loosen(boundary: &mut Vec<Point>, scratch: &mut Vec<Point>, tolera
                 let turn = cross(ab, bc);
                 let chord = c - a;
                 let forward = |edge: Point| (edge * chord.conj()).re > 0.0;
-                // The height of b over the chord from a to c; the tip of a spike stays.
+                // Compares the height of b over the chord from a to c. The tip of a spike stays.
                 if turn <= 0.0
                     && forward(ab)
                     && forward(bc)
@@ -91,7 +92,7 @@ pub(super) fn loosen(boundary: &mut Vec<Point>, scratch: &mut Vec<Point>, tolera
                 let d = at(i + 2);
                 let cd = d - c;
                 let (first, second, both) = (turn, cross(bc, cd), cross(ab, cd));
-                // All three edges have similar directions, so this is no tip of a spike.
+                // If all three edges have similar directions, this is not the tip of a spike.
                 let alike = |a: Point, b: Point| (a * b.conj()).re > 0.0;
                 let onward = alike(ab, bc) && alike(bc, cd) && alike(ab, cd);
                 if i + 2 < n && onward && first > 0.0 && second > 0.0 && both > 0.0 {
@@ -114,7 +115,7 @@ pub(super) fn loosen(boundary: &mut Vec<Point>, scratch: &mut Vec<Point>, tolera
     }
 }
 
-/// Distance of a line from the inside of a polygon, s of travel; 0 if they touch.
+/// Distance of a line segment from the interior of a polygon (s of travel); 0 if they touch.
 pub(super) fn outside_by(polygon: &[Point], [from, to]: [Point; 2]) -> f64 {
     let (mut winding, mut nearest) = (0, f64::INFINITY);
     for (i, &a) in polygon.iter().enumerate() {

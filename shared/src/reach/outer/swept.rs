@@ -1,60 +1,60 @@
-//! Closed curves of arcs, and their union over rotations about the origin.
+//! Closed curves of arcs, and the union of their rotations about the origin.
 //!
-//! A rotation moves an arc to an arc, so these curves stay exact however often they are swept.
+//! A rotation maps arcs to arcs, so these curves stay exact after any number of sweeps.
 //!
-//! Take a closed curve that winds about each position at least 0 times. On a circle about the
-//! origin, the number of windings goes up where the curve crosses the circle outward, and down
-//! where it crosses it inward (in the direction of increasing angle). Rotate all outward crossings
-//! by −α and all inward ones by +α: then the number of windings at each angle is at least the old
-//! number at *any* angle up to α away, and 0 if all of those were 0. So the parts of the curve that
-//! recede from the origin ([`Chain`]s, between the extremes of the distance) go right, the others
-//! go left, arcs about the origin connect them, and the new curve winds about each position of the
-//! union at least once, and about no other.
+//! Take a closed curve whose winding number is at least 0 around each position. Along a circle about
+//! the origin, in the direction of increasing angle, the winding number rises where the curve crosses
+//! the circle outward and falls where the curve crosses it inward. Rotate all outward crossings by −α
+//! and all inward crossings by +α. Then the winding number at each angle is at least the old winding
+//! number at *any* angle up to α away, and it is 0 if all of these were 0. So the curve is divided into
+//! [`Chain`]s at the extremes of the distance from the origin. Chains that recede from the origin are
+//! rotated to the right and the others to the left, and arcs about the origin connect them. The new
+//! curve winds at least once around each position of the union, and around no other position.
 //!
-//! Where two neighbouring chains overlap after that, both are removed up to where they cross: the
-//! area that they enclosed is then counted once instead of twice.
+//! If two neighbouring chains overlap after the rotation, both are removed up to their crossing. The
+//! area that they enclosed then counts once instead of twice.
 
 use super::super::paths::unit;
 use super::Point;
 use super::edges::{Corner, Edge, NOTHING, arc, cross, crossings};
 use crate::math::{PI, TAU, atan2};
 
-/// Chains less apart than this, rad, coincide.
+/// Chains less than this angle apart (rad) count as coincident.
 const LEAST_APART: f64 = 1e-9;
 
-/// Chains are cut only after rotations by up to this, rad: an overlap of about half a turn cannot
-/// be distinguished from none.
+/// Chains are cut only after rotations by at most this angle (rad), because an overlap of about half a
+/// turn cannot be distinguished from no overlap.
 const WIDEST_CUT: f64 = 1.2;
 
-/// Squared relative distance within which two points count as one.
+/// Squared relative distance up to which two points count as one.
 const SAME: f64 = 1e-14;
 
-/// Largest number of steps that narrow the bracket of a crossing.
+/// Maximum number of iterations that narrow the bracket of a crossing.
 const MOST_ROUNDS: usize = 60;
 
-/// A part of a curve whose distance from the origin only grows, or only shrinks.
+/// A part of a curve along which the distance from the origin is monotonic.
 #[derive(Clone, Copy, Debug)]
 struct Chain {
-    /// Its first edge, and where on it the chain begins.
+    /// The first edge, and the point on it at which the chain begins.
     first: usize,
     start: Point,
-    /// Its last edge, and where on it the chain ends.
+    /// The last edge, and the point on it at which the chain ends.
     last: usize,
     end: Point,
-    /// Whether its start and its end were cut off.
+    /// Whether the start and the end of the chain were cut off.
     cut: [bool; 2],
     gone: bool,
 }
 
-/// An extreme of the distance, between two chains.
+/// A local extremum of the distance from the origin, between two chains.
 #[derive(Clone, Copy, Debug)]
 struct Extreme {
     point: Point,
-    /// A maximum.
+    /// Whether it is a maximum.
     far: bool,
-    /// Whether an arc connects the chains; otherwise they meet, or are gone.
+    /// Whether an arc connects the chains. Otherwise the chains meet or have been removed.
     connects: bool,
-    /// Where the arc begins and ends, if part of it was cut off.
+    /// The beginning and the end of the arc, if part of it was cut off there.
     from: Option<Point>,
     to: Option<Point>,
 }
@@ -63,17 +63,17 @@ struct Extreme {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Curve {
     pub(super) corners: Vec<Corner>,
-    /// Corners between which the distance only grows or shrinks, with its square.
+    /// Corners between which the distance from the origin is monotonic, each with its squared distance.
     radial: Vec<(Corner, f64)>,
     extremes: Vec<Extreme>,
     chains: Vec<Chain>,
-    /// Pairs of edges that the last sweep compared.
+    /// Number of pairs of edges that the last sweep compared.
     pub(super) compared: usize,
 }
 
 impl Curve {
-    /// Replaces the curve by one around the union of its inside rotated about the origin by every
-    /// angle up to `angle` to both sides. Returns how many extremes of the distance it had.
+    /// Replaces the curve by a curve around the union of all its rotations about the origin by at most
+    /// `angle` to either side. Returns the number of extremes of the distance that it had.
     pub(super) fn sweep(&mut self, angle: f64) -> usize {
         self.divide();
         self.find_extremes();
@@ -101,7 +101,7 @@ impl Curve {
         self.extremes.len()
     }
 
-    /// The circle through the farthest corner.
+    /// Replaces the curve by the circle through its farthest corner.
     fn surround(&mut self) {
         let Some(&(farthest, _)) = self.radial.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else {
             return;
@@ -113,7 +113,7 @@ impl Curve {
         }
     }
 
-    /// Makes the curve lead from the origin, which it encloses, and back.
+    /// Makes the curve begin and end at the origin, which it encloses.
     pub(super) fn begin_at_origin(&mut self) {
         let Some(&Corner { point: first, .. }) = self.corners.first() else { return };
         if first.norm_sqr() < NOTHING {
@@ -123,8 +123,8 @@ impl Curve {
         self.corners.push(Corner { point: first, edge: Edge::Line });
     }
 
-    /// Makes a polygon begin where it is nearest to the origin, which it encloses: the line there
-    /// from the origin is inside, and stays inside when it is swept.
+    /// Makes a polygon begin at its point nearest to the origin, which it encloses. The line from the
+    /// origin to that point is inside the polygon and stays inside when it is swept.
     pub(super) fn begin_nearest(&mut self) {
         let Self { corners, .. } = self;
         let n = corners.len();
@@ -142,7 +142,7 @@ impl Curve {
         corners.insert(0, Corner { point, edge: Edge::Line });
     }
 
-    /// Divides the edges where the distance from the origin is extreme.
+    /// Divides the edges at the extremes of the distance from the origin.
     fn divide(&mut self) {
         let Self { corners, radial, .. } = self;
         radial.clear();
@@ -184,7 +184,7 @@ impl Curve {
         }
     }
 
-    /// Finds extremes, and the chains that follow them.
+    /// Finds the extremes, and the chain that follows each of them.
     fn find_extremes(&mut self) {
         let Self { radial, extremes, chains, .. } = self;
         extremes.clear();
@@ -223,7 +223,7 @@ impl Curve {
         (corner.edge, corner.point, self.radial[(i + 1) % n].0.point)
     }
 
-    /// The point of an edge at this squared distance.
+    /// The point of an edge at this squared distance from the origin.
     fn at(&self, i: usize, distance2: f64) -> Point {
         let (edge, a, b) = self.edge(i);
         match edge {
@@ -248,9 +248,10 @@ impl Curve {
         }
     }
 
-    /// Cuts off the overlap of the chains before and after an extreme. They may overlap up to where
-    /// they cross, or up to the end of one of them, from where the arc there replaces it. If they
-    /// do not overlap, or if that arc is cut off otherwise, nothing changes.
+    /// Cuts off the overlap of the chains before and after extreme `k`. The overlap ends at a crossing of
+    /// the chains, or at the other end of one of them. In the second case this chain is removed, and the
+    /// arc at that end leads to the other chain directly. Nothing changes if the chains do not overlap,
+    /// or if that arc is already cut off.
     fn cut(&mut self, k: usize, angle: f64) {
         let count = self.chains.len();
         let (before, after) = ((k + count - 1) % count, k);
@@ -264,8 +265,8 @@ impl Curve {
         }
         let far = extreme.far;
         let wide = unit(-2.0 * angle);
-        // e^{iδ}, multiplied by the square of the distance; δ is how far the chain that goes left
-        // is to the right of the other.
+        // e^{iδ} times the squared distance, where δ is the angle by which the chain that is rotated
+        // to the left lies to the right of the other chain.
         let apart = |a: Point, b: Point| if far { a * b.conj() } else { b * a.conj() };
         let sides = if far { [unit(-angle), unit(angle)] } else { [unit(angle), unit(-angle)] };
         let mut distance2 = extreme.point.norm_sqr();
@@ -281,14 +282,14 @@ impl Curve {
             let to_b = if b_ends { b.end.norm_sqr() } else { begin(j + 1) };
             let next = if far { to_a.max(to_b) } else { to_a.min(to_b) };
             let (a_over, b_over) = (to_a == next && a_ends, to_b == next && b_ends);
-            // The ends are known exactly. Computed, they would be inaccurate where an edge just
-            // touches the circle, and the arc from there to the other chain could come out slightly
-            // below zero and be taken for a whole turn.
+            // Use the exact ends. Computed ends would be inaccurate where an edge just touches the
+            // circle. The angle of the arc from there to the other chain could then be slightly
+            // negative and be taken for a whole turn.
             let p = if a_over { a.start } else { self.at(i, next) };
             let q = if b_over { b.end } else { self.at(j, next) };
             let between = apart(p, q);
-            // They must not meet earlier: beyond that, or where they coincide, the gap between them
-            // is a part of the set, which grows, instead of a notch, which shrinks.
+            // The chains must not meet earlier. Beyond a meeting point, or where they coincide, the
+            // gap between them is a part of the set, which grows, and not a notch, which shrinks.
             let middle = 0.5 * (distance2 + next);
             let meanwhile = apart(self.at(i, middle), self.at(j, middle));
             if between.im <= 0.0
@@ -344,7 +345,7 @@ impl Curve {
         }
     }
 
-    /// Whether two edges meet between two squared distances, other than at a known point.
+    /// Whether two edges meet between two squared distances, at a point other than `known`.
     fn meet_within(&self, [i, j]: [usize; 2], range: [f64; 2], known: Point) -> bool {
         let slack = LEAST_APART * range[0].max(range[1]);
         let (low, high) = (range[0].min(range[1]) - slack, range[0].max(range[1]) + slack);
@@ -361,7 +362,8 @@ impl Curve {
         })
     }
 
-    /// The squared distance at which two edges have `overlap` 0, between two with different signs of it.
+    /// Finds the squared distance at which the `overlap` of two edges is 0, between two squared
+    /// distances at which it has different signs. Returns the points of both edges there.
     fn meet(
         &self,
         [i, j]: [usize; 2],
@@ -377,7 +379,7 @@ impl Curve {
             } else {
                 high - at_high * (high - low) / (at_high - at_low)
             };
-            // Illinois algorithm: the value at the end that stays is halved.
+            // Illinois algorithm: the value at the retained end of the bracket is halved.
             let found = value(middle);
             best = middle;
             if found.abs() < 1e-15 * middle || (high - low).abs() < 1e-14 * middle {
