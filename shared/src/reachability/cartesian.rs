@@ -10,6 +10,7 @@
 
 mod layout;
 mod speeds;
+mod tables;
 mod kernel;
 mod solution;
 mod mirror;

@@ -3,10 +3,11 @@
 use super::super::grid::Grid;
 use super::super::progress::{Progress, SolveError, check_memory};
 use super::super::scheme::JUMP_REACH;
-use super::kernel::{Base, Moves, Part, Stage, Tables};
+use super::kernel::{Base, Moves, Part, Stage};
 use super::layout::{BLOCK, Ghosts, Layout, each_interior, fill_ghosts};
 use super::limits::{Limits, Nodes, STEEP, joined, range, steepest};
 use super::mirror::Mirror;
+use super::tables::Tables;
 use super::{Direction, Horizon, Kind, Problem, Region, Settings, ShallowObstacle, Solution};
 use crate::invalid::Invalid;
 use crate::parallel::{Lanes, Workers};
