@@ -1,6 +1,6 @@
-//! Import and export need no more memory for a longer study. The test counts allocations of the
-//! whole process (except SQLite, whose cache is limited), so it runs without the test harness and
-//! its threads.
+//! Import and export need no more memory for a longer study. The test counts the allocations of the
+//! whole process (except those of SQLite, whose cache is limited). Therefore it runs without the
+//! test harness and its threads.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
 use peak_alloc::PeakAlloc;
@@ -17,25 +17,26 @@ static MEMORY: PeakAlloc = PeakAlloc;
 
 const MB: f64 = 1e6;
 
-/// An import buffers up to four batches of 256 trials between its threads, about 1 MB each; their
-/// number depends on timing. A hundred more people in memory would take 14 MB.
+/// An import buffers up to four batches of 256 trials between its threads, about 1 MB each. The
+/// number of buffered batches depends on timing. A hundred more people in memory would take 14 MB.
 const QUEUES_MB: f64 = 5.0;
 
 #[tokio::main]
 async fn main() {
-    // Several batches each. The rows of the longer study fill seven row groups of a Parquet file.
+    // Both studies have several batches. The rows of the longer study fill seven row groups of a
+    // Parquet file.
     let short = peaks(20).await;
     let long = peaks(120).await;
     eprintln!("peaks, MB: {short:.2?} for 20 people, {long:.2?} for 120");
     for ((name, short), (_, long)) in short.iter().zip(&long) {
         assert!(*short > 0.2, "{name}: {short:.2}: is anything counted?");
-        // One row group is in memory, however many there are.
+        // Only one row group is in memory, however many there are.
         let most = if name.contains("parquet") { 40.0 } else { short + QUEUES_MB };
         assert!(*long <= most, "{name}: {short:.2} MB, then {long:.2} MB");
     }
 }
 
-/// Peak memory, MB, of an import and of an export in each format, as a folder and as an archive.
+/// Peak memory (MB) of an import, and of exports in each format, as a folder and as an archive.
 async fn peaks(people: u64) -> Vec<(String, f64)> {
     let folder = tempfile::tempdir().unwrap();
     let trials = folder.path().join("trials.csv");
@@ -77,7 +78,7 @@ async fn peak(work: impl Future<Output = ()>) -> f64 {
     (MEMORY.peak_usage() - before) as f64 / MB
 }
 
-/// Forty trials of each of this number of people.
+/// The trials of this many people as CSV, forty trials each.
 fn file(people: u64) -> String {
     let mut text = "participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega,synthetic\n".to_owned();
     for number in 0..people {

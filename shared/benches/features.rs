@@ -1,7 +1,7 @@
-//! Features of a million steps: 20,000 trials of 50 steps. `cargo xtask bench features`.
+//! Features of a million steps (20,000 trials of 50 steps): `cargo xtask bench features`.
 //!
-//! The baseline computes them state by state on one thread. The budget is 1 s: for all features on
-//! two threads, and for the paper's on one.
+//! The baseline computes the features state by state on one thread. The budget is 1 s for all
+//! features on two threads, and 1 s for the paper's features on one thread.
 
 use std::hint::black_box;
 use std::ops::ControlFlow;
@@ -22,7 +22,7 @@ mod fastest;
 const TRIALS: usize = 20_000;
 const STEPS: usize = 50;
 
-/// Measurement and baseline.
+/// Pairs of a measurement and its baseline.
 const RATIOS: &[(&str, &str)] = &[
     ("features/paper's, 1 thread", "features/state by state"),
     ("features/paper's, 2 threads", "features/paper's, 1 thread"),
@@ -32,7 +32,7 @@ const RATIOS: &[(&str, &str)] = &[
     ("features/sampled, 2 threads", "features/sampled, 1 thread"),
 ];
 
-/// Per step, s.
+/// Budgets per step (s).
 const BUDGETS: &[(&str, f64)] = &[
     ("features/paper's, 1 thread", 1e-6),
     ("features/all, 2 threads", 1e-6),
@@ -77,7 +77,7 @@ fn main() {
     fastest.print_ratios(RATIOS, BUDGETS);
 }
 
-/// Trials with random inputs; the vehicles start within 20 m of each other.
+/// Trials with random inputs. The vehicles start within 20 m of each other.
 fn trials(parameters: &SceneParameters) -> Vec<Trial> {
     let mut rng = SeededRng::new(7);
     let mut trial = || {
@@ -94,7 +94,7 @@ fn trials(parameters: &SceneParameters) -> Vec<Trial> {
     (0..TRIALS).map(|_| trial()).collect()
 }
 
-/// The game of the closed form, sampled on the nodes of the polar method.
+/// Safety levels of the closed form's game, but sampled on the nodes of the polar method.
 fn sampled(parameters: &SceneParameters) -> SafetyLevels {
     let options = Options::default().with_method(Method::Polar);
     let game = parameters.game(Evader::Human);

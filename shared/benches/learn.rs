@@ -1,8 +1,9 @@
-//! Training and inference at the size of the study's comparison: eight people, five folds of
-//! forty trials, seven feature sets, two experiments.
+//! Training and inference at the size of the study's comparison: eight people, five folds of forty
+//! trials, seven feature sets and two experiments.
 //!
-//! Budgets on one thread: the whole comparison 1.5 s with logistic regression and 1.5 s with trees;
-//! a prediction by either 1 µs; boosting for eight people on one feature set 10 s.
+//! Budgets on one thread: 1.5 s for the whole comparison with logistic regression, 1.5 s for the
+//! whole comparison with trees, 1 µs for a prediction by either model, and 10 s for boosting for
+//! eight people on one feature set.
 
 mod people;
 
@@ -17,7 +18,7 @@ use sidestep::learn::samples::Samples;
 use sidestep::learn::tree::grow_each;
 use sidestep::predict::scale::Scale;
 
-/// Standardised rows of one fit, with the classes of experiments I and II.
+/// Standardised rows for one fit, and their classes in experiments I and II.
 struct Part {
     width: usize,
     values: Vec<f64>,
@@ -25,7 +26,7 @@ struct Part {
 }
 
 impl Part {
-    /// The columns `set` of all trials except those of `fold`.
+    /// The columns `set` of all training trials except the trials of `fold`.
     fn new(person: &Person, set: &[usize], fold: Option<usize>) -> Self {
         let kept = |i: &usize| fold.is_none_or(|fold| person.folds[*i] != fold);
         let rows: Vec<usize> = (0..person.folds.len()).filter(kept).collect();
@@ -43,7 +44,7 @@ impl Part {
     }
 }
 
-/// The rows of every fit.
+/// The rows of every fit of the comparison.
 fn parts(people: &[Person]) -> Vec<Part> {
     let mut parts = Vec::new();
     for person in people {
@@ -119,7 +120,7 @@ fn trees(criterion: &mut Criterion) {
                         let trees = grow_each(&part.samples(experiment), None, &leaves);
                         for tree in trees.expect("trees") {
                             for tree in [2, 4, 6, 8].map(|depth| tree.truncated(depth)) {
-                                // As many rows as a fold leaves out.
+                                // As many rows as a fold holds out.
                                 for row in person.values.chunks_exact(WIDTH).step_by(FOLDS) {
                                     black_box(tree.class(&row[..set.len()]));
                                 }

@@ -1,7 +1,7 @@
-//! Training and inference of support vector machines at the size of the study's comparison:
-//! eight people, seven feature sets, two experiments, five folds, 16 radial and 4 linear settings.
+//! Training and inference of support vector machines at the size of the study's comparison: eight
+//! people, seven feature sets, two experiments, five folds, 16 radial and 4 linear settings.
 //!
-//! Budgets on one thread: 28 s for the whole comparison, 20 µs for a prediction.
+//! Budgets on one thread: 28 s for the whole comparison, and 20 µs for a prediction.
 
 mod people;
 
@@ -17,7 +17,7 @@ use sidestep::math::SeededRng;
 use sidestep::predict::scale::Scale;
 use sidestep::predict::svm::{Sigmoid, Svm};
 
-/// Cross-validation, calibration and refit of one person on one feature set.
+/// Cross-validates, calibrates and refits one person on one feature set.
 fn compare(person: &Person, set: &[usize], kernels: Kernels) {
     let row = |row: &[f64]| set.iter().map(|&j| row[j]).collect::<Vec<f64>>();
     let values: Vec<f64> = person.values.chunks(WIDTH).flat_map(row).collect();
@@ -58,7 +58,7 @@ fn training(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The whole comparison: `cargo bench --bench learn_svm -- whole`.
+/// The whole comparison. Run it alone with `cargo bench --bench learn_svm -- whole`.
 fn whole(criterion: &mut Criterion) {
     let people = people();
     let mut group = criterion.benchmark_group("svm whole");

@@ -1,5 +1,5 @@
-//! One cycle of a robot at 10 Hz: push the new state, predict five sets over ten steps, and compute
-//! the clearance of a plan. `cargo xtask bench planner`.
+//! One cycle of a robot at 10 Hz: `cargo xtask bench planner`. A cycle pushes the new state,
+//! predicts five sets over ten steps, and computes the clearance of a plan.
 
 use std::hint::black_box;
 use std::ops::ControlFlow;
@@ -19,13 +19,13 @@ use sidestep::vehicle::{Pose, TurnInput};
 
 mod fastest;
 
-/// Measurement and baseline.
+/// Pairs of a measurement and its baseline.
 const RATIOS: &[(&str, &str)] = &[
     ("planner/round, far", "planner/push and predict"),
     ("planner/round, near", "planner/round, far"),
 ];
 
-/// Per round, s.
+/// Budgets per cycle (s).
 const BUDGETS: &[(&str, f64)] = &[("planner/round, far", 1e-3), ("planner/round, near", 1e-3)];
 
 fn main() {
@@ -93,7 +93,8 @@ fn rounds(parameters: &SceneParameters, robot: Pose, spread: f64) -> Vec<(JointS
     rounds
 }
 
-/// Prints the slowest of many rounds, and how many were near.
+/// Prints the slowest of many cycles near the human, and how many of them are close to the largest
+/// set and how many are clear of it.
 #[allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
 fn slowest(online: &mut OnlinePredictor, rounds: &[(JointState, Plan)], footprint: &Footprint) {
     let mut took: Vec<f64> = Vec::new();

@@ -1,9 +1,10 @@
-//! Worst-case times of polygons and membership with the default settings, under random bounds of six classes: up to
-//! half a turn per step and 100 steps, half of them from uncertain starts. `cargo xtask bench reach`.
+//! Worst-case times of polygons and membership tests with the default settings: `cargo xtask bench
+//! reach`. The bounds are random, in six classes, with up to half a turn per step and up to 100
+//! steps. Half of the sets have an uncertain start.
 //!
-//! A new maximum is timed twice more and the fastest time counts, because other load on the machine disturbs that
-//! least. `-- --sets 1000 --seed 7` draws other sets; `-- --sets 1` with the printed seed draws the slowest one
-//! again.
+//! If a time is a new maximum, the operation is timed twice more, and the fastest time counts,
+//! because other load on the machine disturbs it least. `-- --sets 1000 --seed 7` draws other sets.
+//! `-- --sets 1` with the printed seed draws the slowest set again.
 
 #![allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
 
@@ -23,7 +24,7 @@ use sidestep::reach::{PolygonSettings, PositionUncertainty, ReachableSet, StartS
 use sidestep::vehicle::{Pose, dubins};
 use starts::pose_at;
 
-/// Upper bound of every time, ms.
+/// Upper bound on every time (ms).
 const BUDGET_MS: f64 = 100.0;
 /// The timed operations.
 const WORK: [&str; 7] = [
@@ -54,7 +55,7 @@ fn main() {
     );
 }
 
-/// The longest time of one operation, and the seed of its set.
+/// The maximum time of one operation, and the seed of the set that took it.
 #[derive(Clone, Copy, Default)]
 struct Slowest {
     ms: f64,
@@ -62,7 +63,7 @@ struct Slowest {
 }
 
 impl Slowest {
-    /// Raises the maximum to the time of `work` on the set of this seed, if that is longer.
+    /// Updates the maximum if `work` on the set of this seed takes longer.
     fn time<T>(&mut self, seed: u64, mut work: impl FnMut() -> T) {
         let mut fastest_ms = f64::INFINITY;
         for _ in 0..3 {
@@ -82,7 +83,7 @@ fn option(name: &str) -> Option<u64> {
     std::env::args().skip_while(|word| word != name).nth(1)?.parse().ok()
 }
 
-/// The longest time of each operation, on the sets of `seed` and the seeds after it.
+/// The maximum time of each operation, over the sets of `seed` and the following seeds.
 fn slowest_of(class: &Class, sets: u64, seed: u64) -> [Slowest; 7] {
     let mut workspace = Workspace::default();
     let mut slowest = [Slowest::default(); 7];
@@ -93,7 +94,7 @@ fn slowest_of(class: &Class, sets: u64, seed: u64) -> [Slowest; 7] {
         let set = ReachableSet::new(start, &bounds, class.speed_mps, class.step_s);
         let set = set.expect("a start, bounds and a vehicle that are accepted");
         let steps = set.steps();
-        // Most sets use one accuracy; a third use a random one from 1 mm to 5 cm.
+        // Two thirds of the sets use 5 mm, and the others a random accuracy from 1 mm to 5 cm.
         let accuracy_m = 1e-3 * if rng.below(3) == 0 { exp(rng.uniform(0.0, 4.0)) } else { 5.0 };
         let settings = PolygonSettings::new(accuracy_m, 2).expect("an accuracy");
         let shares = [0; 3].map(|_| rng.uniform(-1.0, 1.0));
@@ -116,7 +117,7 @@ fn slowest_of(class: &Class, sets: u64, seed: u64) -> [Slowest; 7] {
     slowest
 }
 
-/// A pose; half of the time, one whose position and heading are uncertain.
+/// A pose. In half of the cases, its position is uncertain, and its heading may be uncertain too.
 fn start(rng: &mut SeededRng) -> StartSet {
     let pose = Pose::new(1.0, -2.0, rng.uniform(-PI, PI));
     let position = match rng.below(4) {
@@ -128,8 +129,8 @@ fn start(rng: &mut SeededRng) -> StartSet {
     StartSet::new(pose, position, heading_rad).expect("a start")
 }
 
-/// The poses after each step of a drive whose rates are at or between the bounds, or slightly beyond one of them, so
-/// that membership has hard cases.
+/// The poses after each step of a drive. Its rates are at the bounds, between them, or slightly
+/// beyond one of them, so that membership has hard cases.
 fn drive(class: &Class, bounds: &InputBounds, from: Pose, rng: &mut SeededRng) -> Vec<Pose> {
     let beyond = [0.0, 0.02][rng.below(2)];
     let mut pose = from;

@@ -1,8 +1,8 @@
-//! The exact value, both solvers, interpolation and level curves, each with a baseline and a
-//! budget. `cargo xtask bench reachability`.
+//! The closed form, both solvers, interpolation and level curves, with baselines and budgets:
+//! `cargo xtask bench reachability`.
 //!
 //! Criterion reports every measurement with its spread. The table at the end shows the fastest
-//! samples of this run, which other load on the machine disturbs least.
+//! sample of each measurement, which other load on the machine disturbs least.
 
 mod fastest;
 
@@ -20,7 +20,7 @@ use sidestep::reachability::{
 };
 use sidestep::vehicle::VehicleModel;
 
-/// Pairs of measurement and baseline. A ratio above 1 means faster than the baseline.
+/// Pairs of a measurement and its baseline. A ratio above 1 is faster than the baseline.
 const RATIOS: &[(&str, &str)] = &[
     ("sampled/value and gradient", "exact/scalar"),
     ("sampled/level curve", "exact/level curve"),
@@ -32,7 +32,7 @@ const RATIOS: &[(&str, &str)] = &[
     ("cartesian/weno5, 2 threads", "cartesian/weno5, 1 thread"),
 ];
 
-/// Budget per item, s.
+/// Budgets per item (s).
 const BUDGETS: &[(&str, f64)] = &[
     ("exact/scalar", 100e-9),
     ("exact/batch, all threads", 50e-9),
@@ -80,7 +80,7 @@ fn exact(criterion: &mut Criterion, fastest: &mut Fastest) {
     group.finish();
 }
 
-/// Number of headings at which a curve is traced.
+/// Number of headings at which level curves are traced.
 const CURVES: usize = 24;
 
 fn curves(function: &ValueFunction) {
@@ -91,8 +91,8 @@ fn curves(function: &ValueFunction) {
     }
 }
 
-/// The paper's game by the polar solver, up to 40 m, and the interpolation and level curves of the
-/// result.
+/// The paper's game, solved by the polar solver up to 40 m, and interpolation and level curves of
+/// the solution.
 fn sampled(criterion: &mut Criterion, fastest: &mut Fastest) {
     let vehicle = VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 };
     let game = PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 3.0 };

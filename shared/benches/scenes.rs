@@ -1,4 +1,4 @@
-//! Drawing the scenes of one participant of the paper's study. `cargo xtask bench scenes`.
+//! Drawing the scenes of one participant of the paper's study: `cargo xtask bench scenes`.
 //!
 //! The baseline draws the same scenes by the plain rules, which simulate every escape step by step.
 
@@ -13,17 +13,18 @@ use sidestep::study::StudyConfig;
 
 mod fastest;
 
-/// Measurement and baseline.
+/// Pairs of a measurement and its baseline.
 const RATIOS: &[(&str, &str)] = &[
     ("scenes/of a participant", "scenes/by the plain rules"),
     ("scenes/counterbalanced", "scenes/of a participant"),
 ];
 
-/// Per participant, s.
+/// Budgets per participant (s).
 const BUDGETS: &[(&str, f64)] =
     &[("scenes/of a participant", 5e-3), ("scenes/counterbalanced", 2e-3)];
 
-/// Participants per call: some have far more rejected draws than others.
+/// Participants per call. The average is over several, because some have far more rejected draws
+/// than others.
 const PARTICIPANTS: u64 = 20;
 
 fn main() {

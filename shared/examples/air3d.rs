@@ -1,13 +1,14 @@
-//! The air3D game of Mitchell, Bayen and Tomlin (2005) on a grid, timed and measured
-//! against the closed form; one JSON line. `cargo xtask bench peers` calls it.
+//! Solves the air3D game of Mitchell, Bayen and Tomlin (2005) on a grid, measures the time and the
+//! error against the closed form, and prints one line of JSON. `cargo xtask bench peers` calls this
+//! program.
 //!
 //! ```text
 //! air3d 51x40x50 weno5 THREADS RUNS [PEER.npy]
 //! ```
 //!
-//! The environment variable `LANES` limits the SIMD width: `128-bit`, `avx2` or `avx512`. The fastest
-//! of RUNS solves counts. PEER.npy (`<f4`, C order) has another solver's values on the same nodes;
-//! they are measured in the same way.
+//! The environment variable `LANES` limits the SIMD width: `128-bit`, `avx2` or `avx512`. The
+//! fastest of RUNS solves counts. PEER.npy (`<f4`, C order) contains another solver's values on the
+//! same nodes, whose error is measured in the same way.
 
 #![allow(clippy::print_stdout, reason = "its answer is what it prints")]
 
@@ -29,17 +30,17 @@ const USAGE: &str = "expected: air3d 51x40x50 weno5 THREADS RUNS [PEER.npy]";
 /// The printed report.
 #[derive(Serialize)]
 struct Report {
-    /// The fastest solve, s.
+    /// Time of the fastest solve (s).
     wall_s: f64,
     steps: usize,
     /// The SIMD lanes that the solver used.
     lanes: &'static str,
-    /// First node, last node and their number, by axis.
+    /// For each axis: the first node, the last node, and the number of nodes.
     axes: [(f64, f64, usize); 3],
     accuracy: Accuracy,
-    /// Accuracy of the other solver's values.
+    /// Accuracy of the peer's values.
     peer: Option<Accuracy>,
-    /// Largest difference between the two, m.
+    /// Maximum difference between the peer's values and this solver's values (m).
     apart_m: Option<f64>,
 }
 
@@ -58,7 +59,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let settings = Settings::new(scheme).with_threads(threads).with_lanes(lanes).with_cfl(CFL);
     let exact = MITCHELL.exact()?;
 
-    // Warm-up: allocates memory and fills caches, as the peer compiles before it is timed.
+    // The warm-up allocates memory and fills caches, just as the peer compiles before it is timed.
     solve_over(&grid, &settings, 1e-3)?;
     let mut wall_s = f64::INFINITY;
     let mut last = None;
@@ -94,7 +95,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The grid with the numbers of nodes in `nodes`, such as `51x40x50`.
+/// The grid for a text such as `51x40x50`, which contains the number of nodes of each axis.
 fn grid_of(nodes: &str) -> Result<Grid<3>, Box<dyn Error>> {
     let nodes = nodes.split('x').map(str::parse).collect::<Result<Vec<usize>, _>>()?;
     Ok(measure::air3d_grid(nodes.try_into().map_err(|_| USAGE)?))

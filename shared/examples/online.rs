@@ -1,5 +1,5 @@
-//! Where can a person be within two seconds? Predicts sets online, state by state, with a custom model.
-//! `cargo run --release -p sidestep --example online`.
+//! Where can a person be within two seconds? This example predicts sets online, state by state,
+//! with a custom model. `cargo run --release -p sidestep --example online`.
 #![allow(clippy::print_stdout, reason = "it shows the sets")]
 
 use sidestep::bounds::ActionModel;
@@ -8,7 +8,7 @@ use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::{ShfrsPredictor, ShfrsSettings};
 use sidestep::vehicle::{Pose, dubins};
 
-/// Turns away from the robot's side.
+/// A model of a person who prefers to turn away from the robot's side.
 struct Shy;
 
 impl ActionModel for Shy {

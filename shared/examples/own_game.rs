@@ -1,5 +1,5 @@
-//! A custom game from f and G: from which states can a car avoid a wall, whatever the wind does?
-//! `cargo run --release -p sidestep --example own_game`.
+//! A custom game, defined by f and G. From which states can a car avoid a wall, whatever the wind
+//! does? `cargo run --release -p sidestep --example own_game`.
 #![allow(clippy::print_stdout, reason = "it shows values")]
 
 use sidestep::reachability::cartesian::{Problem, Settings, solve};
@@ -8,9 +8,10 @@ use std::error::Error;
 use std::ops::ControlFlow;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    // Distance from the wall, m, and speed towards it, m/s.
+    // The axes are the distance from the wall (m) and the speed towards it (m/s).
     let grid = Grid { axes: [Axis::bounded(-1.0, 6.0, 141), Axis::bounded(-3.0, 3.0, 121)] };
-    // The wind (0.3 m/s²) drives the car into the wall: it minimises. The brakes (1 m/s²) maximise.
+    // The wind (0.3 m/s²) pushes the car towards the wall, so it minimises. The brakes (1 m/s²)
+    // maximise.
     let game = ControlAffine::new(grid, |[_, v]| [-v, 0.0])?
         .minimiser(|_| [[0.0], [0.3]], [[-1.0, 1.0]])?
         .maximiser(|_| [[0.0], [1.0]], [[-1.0, 1.0]])?;

@@ -1,5 +1,6 @@
-//! A robot replans ten times a second near a person: it takes the fastest plan that is clear of every set,
-//! and brakes if there is none. `cargo run --release -p sidestep --example plan`.
+//! A robot near a person replans ten times a second. It takes the fastest plan that is clear of
+//! every set, and brakes if there is no such plan. `cargo run --release -p sidestep --example
+//! plan`.
 #![allow(clippy::print_stdout, reason = "it shows what the robot does")]
 
 use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
@@ -14,12 +15,12 @@ use std::ops::ControlFlow;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let parameters = SceneParameters { step_s: 0.1, ..SceneParameters::default() };
     let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
-    // Right, straight or left with these probabilities; `train` makes a better model of a person.
+    // The probabilities of right, straight and left. `train` makes a better model of a person.
     let model = Predictor::constant(FeatureSet::none(), vec![-1, 0, 1], vec![0.2, 0.6, 0.2])?;
-    let choice = ActionChoice::TopK(vec![1; 10]); // the likeliest input of each step, widened by ε, rad/s
+    let choice = ActionChoice::TopK(vec![1; 10]); // the likeliest input of each step, widened by ε (rad/s)
     let settings = BoundsSettings::new(vec![0.0, 0.25, 1.0], choice, Rollout::Base, 3)?;
     let mut online = OnlinePredictor::new(model, safety, parameters, settings)?;
-    let body = Footprint::disc(0.4)?.grown(0.3)?; // the robot's radius and the person's, m
+    let body = Footprint::disc(0.4)?.grown(0.3)?; // the robot's radius and the person's (m)
     let limits = PlanLimits::new(1.5, 1.0);
     let (mut human, mut robot) = (Pose::new(0.0, 0.0, 0.0), Pose::new(6.0, -4.0, 1.6));
     for tick in 0..40 {

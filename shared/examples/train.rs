@@ -1,5 +1,5 @@
-//! Train a predictor of a person's next input from their drives, and save it to a file. `cargo run
-//! --release -p sidestep --example train`.
+//! Trains a predictor of a person's next input on the person's drives, and evaluates it on other
+//! drives. `cargo run --release -p sidestep --example train`.
 #![allow(clippy::print_stdout, reason = "it shows what was learned")]
 
 use sidestep::features::FeatureSet;

@@ -1,5 +1,5 @@
-//! Tune the smallest set that contains the next drive with probability ≥ 0.9, with a guarantee; then
-//! predict online. `cargo run --release -p sidestep --example tune`.
+//! Finds the smallest set that contains the next drive with probability ≥ 0.9, with a guarantee,
+//! and then predicts online. `cargo run --release -p sidestep --example tune`.
 #![allow(clippy::print_stdout, reason = "it shows what was tuned")]
 
 use sidestep::clearance::OnlinePredictor;

@@ -1,5 +1,5 @@
-//! How dangerous is a state? The value of a pursuit game, its gradient and the optimal turns.
-//! `cargo run --release -p sidestep --example value`.
+//! How dangerous is a state? This example prints the value of a pursuit game, its gradient and the
+//! optimal turns. `cargo run --release -p sidestep --example value`.
 #![allow(clippy::print_stdout, reason = "it shows values")]
 
 use sidestep::reachability::{CurveSettings, Options, PursuitGame, solve};
@@ -10,7 +10,7 @@ use std::ops::ControlFlow;
 fn main() -> Result<(), Box<dyn Error>> {
     let person = VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 };
     let robot = VehicleModel { speed_mps: 1.5, turn_rate_radps: 0.8 };
-    // Twins have a closed form; others are solved on a grid.
+    // Identical vehicles have a closed form. The other game is solved on a grid.
     for pursuer in [person, robot] {
         let game = PursuitGame { evader: person, pursuer, radius_m: 3.0 };
         let solved = solve(game, &Options::default(), &mut |_| ControlFlow::Continue(()))?;

@@ -1,5 +1,5 @@
 //! Algorithm 1, the sets and the picture of a frame allocate nothing after their first runs. The
-//! test counts allocations of the whole process, so it runs without the test harness and its
+//! test counts allocations of the whole process. Therefore it runs without the test harness and its
 //! threads.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
@@ -63,7 +63,7 @@ fn main() {
         view.set("colours", colours).unwrap();
         let (mut picture, mut shown) = (Picture::default(), Picture::default());
         silent(|length| {
-            // Also between steps.
+            // Some of these times are between steps.
             view.time_s = 0.17 * length as f64;
             playback.go(&view).unwrap();
             picture.begin("canvas", playback.window());
@@ -84,8 +84,8 @@ fn main() {
     }
 }
 
-/// Shows every frame of the trial twice first (the envelope of a rear swaps two lists, so each of
-/// them must meet the largest frame). After that, going through all frames again, back and forth as
+/// First shows every frame of the trial twice. (The envelope of a rear swaps two lists, so each
+/// list must see the largest frame.) After that, showing all frames again, forward and backward as
 /// with a slider, allocates nothing.
 fn silent(mut frame: impl FnMut(usize)) {
     (1..=51).chain(1..=51).for_each(&mut frame);

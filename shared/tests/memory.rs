@@ -1,4 +1,5 @@
-//! Peak memory of a solve. A separate program, because it counts allocations of the whole process.
+//! Peak memory of a solve. This is a separate program, because it counts allocations of the whole
+//! process.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
 use core::ops::ControlFlow;

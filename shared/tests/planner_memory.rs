@@ -1,5 +1,5 @@
-//! An online predictor and its clearances allocate nothing after their first runs. The test counts
-//! allocations of the whole process, so it runs without the test harness and its threads.
+//! After their first runs, an online predictor and its clearances allocate nothing. The test counts
+//! allocations of the whole process. Therefore it runs without the test harness and its threads.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 #![allow(clippy::print_stdout, reason = "how much was touched is worth reading")]
 
@@ -53,7 +53,7 @@ fn main() {
     for step in 0..200_usize {
         state = state.advance(&parameters, TurnInput::ALL[step / 5 % 3], 0.2);
         if step % 40 == 0 {
-            // They meet again; this is also a jump.
+            // Human and robot meet again. This is also a jump.
             let ahead = dubins::arc(state.robot, 2.0, 0.03, 3.0);
             state.human = Pose::new(ahead.x, ahead.y, ahead.psi + 3.0);
         }

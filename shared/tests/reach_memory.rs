@@ -1,5 +1,5 @@
-//! A polygon allocates nothing once its buffers exist. The test counts allocations of the whole
-//! process, so it runs without the test harness and its threads.
+//! Once its buffers exist, drawing a polygon allocates nothing. The test counts allocations of the
+//! whole process. Therefore it runs without the test harness and its threads.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
 use peak_alloc::PeakAlloc;

@@ -1,9 +1,9 @@
-//! The README's advice on the number of people to recruit agrees with the library.
+//! The README's advice on the number of participants agrees with the library.
 
 use sidestep::stats::power::PowerCurve;
 
-/// The table's lines: an effect, the power with each number of people, and the number of people for
-/// 80 %.
+/// Lines of the table: an effect size, the power for each number of people, and the number of
+/// people for a power of 80 %.
 fn lines() -> Vec<String> {
     const PEOPLE: [usize; 5] = [11, 16, 20, 30, 40];
     const FAMILY: usize = 48;

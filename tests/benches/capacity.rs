@@ -1,8 +1,8 @@
 //! Sizes of a site for a number of participants: `cargo xtask bench capacity`.
 //!
-//! Simulates the queues of servers and of a database with service times that `cargo xtask bench
-//! load` has measured on one machine, first at the sizes of that machine, so that the simulation
-//! can be compared with the measurements there, and then at others. It starts no server and is
+//! Simulates the queues of servers and of a database. The service times are measurements by `cargo
+//! xtask bench load` on one machine. The first simulated site has the size of that machine, so that
+//! the simulation can be compared with the measurements. The benchmark starts no server and is
 //! fast.
 #![allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
 
@@ -14,17 +14,17 @@ use sidestep_tests::load::figures::row;
 #[derive(Parser)]
 #[command(name = "cargo xtask bench capacity --")]
 struct Options {
-    /// For SQLite, ms: CPU time of an upload on the server, in the writer, and wait of a
-    /// transaction for the disk.
+    /// Times for SQLite (ms): CPU time of an upload in the server and in the writer, and the time
+    /// that a transaction waits for the disk.
     #[arg(long, value_delimiter = ',', num_args = 3, default_values_t = SQLITE)]
     sqlite: Vec<f64>,
-    /// The same for PostgreSQL.
+    /// The corresponding times for PostgreSQL (ms).
     #[arg(long, value_delimiter = ',', num_args = 3, default_values_t = POSTGRES)]
     postgres: Vec<f64>,
-    /// CPU time of an enrolment, as a multiple of an upload's.
+    /// CPU time of an enrolment, as a multiple of the CPU time of an upload.
     #[arg(long, default_value_t = ENROLMENT)]
     enrolment: f64,
-    /// Simulated time, s.
+    /// Simulated time (s).
     #[arg(long, default_value_t = 20.0)]
     seconds: f64,
     /// Seed of the arrivals.
@@ -36,21 +36,21 @@ struct Options {
     bench: bool,
 }
 
-/// Measured; see docs/operation.md.
+/// Measured values; see docs/operation.md.
 const SQLITE: [f64; 3] = [0.16, 0.09, 1.0];
 const POSTGRES: [f64; 3] = [0.44, 0.60, 1.5];
 const ENROLMENT: f64 = 11.0;
 
-/// CPU time of a transaction itself, ms.
+/// CPU time of a transaction itself (ms).
 const TRANSACTION_MS: f64 = 0.1;
 
 /// Trials per participant, one every 12 s.
 const TRIALS: f64 = 59.0;
 
-/// 99 of 100 trials should be acknowledged within this time, ms.
+/// 99 % of the trials should be acknowledged within this time (ms).
 const WANTED_MS: f64 = 50.0;
 
-/// Largest share of time for which cores may be busy, leaving room for pages, reads and bursts.
+/// Maximum utilization of the cores. The rest is reserved for pages, reads and bursts.
 const ROOM: f64 = 0.7;
 
 /// The number of servers, the cores of each, and the cores of the database (`None` for SQLite).
@@ -65,11 +65,11 @@ const SITES: [(usize, usize, Option<usize>); 8] = [
     (4, 8, Some(32)),
 ];
 
-/// Participants who start per minute.
+/// Rates at which participants start, per minute.
 const PER_MINUTE: [f64; 4] = [1.0, 100.0, 1_000.0, 10_000.0];
 
 impl Options {
-    /// The queues of a site, and the cost of an upload there.
+    /// The queues of a site, and the cost of an upload on this site.
     fn site(&self, (servers, cores, database): (usize, usize, Option<usize>)) -> (Site, Work) {
         let of = |figures: &[f64]| {
             let work = Work { server_ms: figures[0], database_ms: figures[1] };

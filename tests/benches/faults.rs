@@ -1,6 +1,6 @@
-//! Servers that are repeatedly killed and lose power: `cargo xtask bench faults`.
+//! Repeated kills of servers and power cuts: `cargo xtask bench faults`.
 //!
-//! All random choices follow from the seed. The tests `faults` do the same a few times.
+//! The seed determines all random choices. The tests `faults` do the same with fewer repetitions.
 #![allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
 
 use std::process::ExitCode;
@@ -20,13 +20,14 @@ use tokio::task::LocalSet;
 #[derive(Parser)]
 #[command(name = "cargo xtask bench faults --")]
 struct Options {
-    /// Number of kills (SIGKILL) of a server while people upload, on each database.
+    /// Number of times that a server is killed (SIGKILL) during uploads, for each database.
     #[arg(long, default_value_t = 20)]
     kills: u32,
     /// Number of power cuts.
     #[arg(long, default_value_t = 100)]
     cuts: u32,
-    /// People whose uploads are recorded for the cuts; every other one deletes their data.
+    /// People whose uploads are recorded for the power cuts. Every second person deletes their
+    /// data.
     #[arg(long, default_value_t = 12)]
     people: usize,
     /// Connections that upload while servers are killed.
@@ -38,7 +39,7 @@ struct Options {
     /// Do a fifth of the kills and cuts.
     #[arg(long)]
     quick: bool,
-    /// Ignored; for other benchmarks.
+    /// Ignored; other benchmarks use it.
     #[arg(long, hide = true)]
     discard_baseline: bool,
     #[arg(long, hide = true)]
@@ -51,7 +52,7 @@ enum Kind {
     Postgres,
 }
 
-/// Configurations to kill servers in: database, and number of servers at once.
+/// Configurations whose servers are killed: name, database, and number of servers that run at once.
 const SUBJECTS: &[(&str, Kind, usize)] = &[
     ("sqlite", Kind::Sqlite, 1),
     ("postgres, 1 server", Kind::Postgres, 1),
@@ -75,9 +76,9 @@ async fn main() -> ExitCode {
     if broken == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// Kills servers; returns the number of broken promises.
+/// Kills servers, and returns the number of broken promises.
 async fn kills(options: &Options, kind: Kind, servers: usize) -> usize {
-    // On a disk: the folder for temporary files may be in memory.
+    // The folder must be on a disk, because the folder for temporary files may be in memory.
     let folder = Folder::within(env!("CARGO_TARGET_TMPDIR"));
     let cluster = matches!(kind, Kind::Postgres).then(|| Cluster::start(Fsync::On));
     let database = match &cluster {
@@ -116,7 +117,8 @@ async fn kills(options: &Options, kind: Kind, servers: usize) -> usize {
     found.broken() + usize::from(last_s > 2.0)
 }
 
-/// Cuts the power at points of one recording; returns the number of broken promises.
+/// Records one session and cuts the power at random points of it. Returns the number of broken
+/// promises.
 async fn cuts(options: &Options) -> usize {
     let session = Session { people: options.people, trials: 59, seed: options.seed };
     let mut recorded = session.record().await;

@@ -1,4 +1,4 @@
-//! Target of `cargo xtask fuzz`: libFuzzer around the parser named by PARSER.
+//! Target of `cargo xtask fuzz`: runs libFuzzer on the parser that the variable PARSER names.
 
 #![no_main]
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "a program for developers")]

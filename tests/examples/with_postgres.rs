@@ -1,5 +1,5 @@
 //! Runs a command with its own PostgreSQL cluster, in which tests create their databases:
-//! `with_postgres cargo test …`. The cluster is removed afterwards.
+//! `with_postgres cargo test …`. Removes the cluster afterwards.
 
 use sidestep_tests::postgres::{Cluster, Fsync};
 use std::env;

@@ -1,4 +1,4 @@
-//! Direct access to a database of either kind, bypassing the server.
+//! Direct access to a SQLite or PostgreSQL database, bypassing the server.
 
 use crate::sqlite::{self, Cell, cells};
 use sqlx::postgres::{PgColumn, PgConnectOptions, PgConnection, PgRow, PgSslMode, Postgres};
@@ -6,7 +6,7 @@ use sqlx::{AssertSqlSafe, Column, ConnectOptions, Connection, Decode, Row, Type,
 use std::path::Path;
 use std::str::FromStr;
 
-/// The database at `url`.
+/// Access to the database at `url`.
 #[must_use]
 pub fn behind(url: &str) -> Behind {
     Behind { url: url.to_owned() }
@@ -18,7 +18,7 @@ pub struct BehindRow(Vec<Cell>);
 
 /// Types that a column can be read as.
 pub trait FromBehind: Sized {
-    /// The value, if it has this type.
+    /// Returns the value, if it has this type.
     fn from_cell(cell: &BehindCell<'_>) -> Option<Self>;
 }
 
@@ -27,10 +27,10 @@ pub trait FromBehind: Sized {
 pub struct BehindCell<'a>(&'a Cell);
 
 impl BehindRow {
-    /// The value in a column, from 0.
+    /// The value in column `at`, counted from 0.
     ///
     /// # Errors
-    /// If it is of another type.
+    /// If there is no such column, or its value has another type.
     pub fn get<T: FromBehind>(&self, at: usize) -> Result<T, String> {
         let cell = self.0.get(at).ok_or("no such column")?;
         T::from_cell(&BehindCell(cell)).ok_or_else(|| format!("{cell:?} is of another type"))
@@ -66,8 +66,8 @@ impl<T: FromBehind> FromBehind for Option<T> {
     }
 }
 
-/// Direct access to a database, bypassing the server. Booleans are `TRUE` and `FALSE` on both
-/// kinds.
+/// Direct access to a database, bypassing the server. Statements can use `TRUE` and `FALSE` with
+/// both kinds of database.
 #[derive(Debug)]
 pub struct Behind {
     url: String,
@@ -77,7 +77,7 @@ impl Behind {
     /// Runs statements.
     ///
     /// # Errors
-    /// If one fails.
+    /// If a statement fails.
     pub async fn execute(&self, statements: &str) -> Result<(), String> {
         let statements = sqlx::raw_sql(AssertSqlSafe(statements));
         let done = match self.file() {
@@ -92,7 +92,7 @@ impl Behind {
     /// Applies `read` to each row of a query.
     ///
     /// # Errors
-    /// If the query fails, or `read`.
+    /// If the query or `read` fails.
     pub async fn rows<T>(
         &self,
         query: &str,
@@ -117,7 +117,7 @@ impl Behind {
     /// Applies `read` to the first row of a query.
     ///
     /// # Errors
-    /// If there is none, the query fails, or `read`.
+    /// If there is no row, or if the query or `read` fails.
     pub async fn row<T>(
         &self,
         query: &str,
@@ -150,7 +150,7 @@ fn row_of_server(row: &PgRow) -> sqlx::Result<BehindRow> {
     row.columns().iter().enumerate().map(cell).collect::<Result<_, _>>().map(BehindRow)
 }
 
-/// Applies `talk` to a connection to PostgreSQL, and closes it afterwards.
+/// Applies `talk` to a connection to PostgreSQL, and then closes the connection.
 async fn on_server<T>(
     url: &str,
     talk: impl AsyncFnOnce(&mut PgConnection) -> sqlx::Result<T>,
@@ -162,8 +162,9 @@ async fn on_server<T>(
     found
 }
 
-/// The address of a new database in the PostgreSQL cluster in `SIDESTEP_TEST_POSTGRES` (an address
-/// with DATABASE in the place of its name); `None` if that is not set.
+/// Creates a database in the PostgreSQL cluster that `SIDESTEP_TEST_POSTGRES` names, and returns
+/// its address. The variable contains an address with DATABASE in place of the database name.
+/// Returns `None` if it is not set.
 ///
 /// # Panics
 /// If the database cannot be created.

@@ -34,23 +34,23 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
 
-/// A browser; dropping it ends it.
+/// A browser. Dropping it ends the browser.
 pub struct Browser {
     browser: chromiumoxide::Browser,
     events: JoinHandle<()>,
     profile: TempDir,
 }
 
-/// How long a page may stay unchanged while a test waits for a change: far longer than needed, so
-/// that a test that waits this long has failed.
+/// How long a page may stay unchanged while a test waits for a change. This is far longer than any
+/// page needs, so a test that waits this long has failed.
 const PATIENCE: Duration = Duration::from_secs(90);
 
 /// Timeout for the start of the browser and for its commands, such as loading a page.
 const ANSWERS: Duration = Duration::from_secs(180);
 
-/// Width and height of a window, CSS pixels.
+/// Width and height of a desktop window (CSS pixels).
 pub const WIDE: (u32, u32) = (1280, 800);
-/// The same for a phone.
+/// Width and height of a phone's window (CSS pixels).
 pub const NARROW: (u32, u32) = (390, 844);
 
 fn chromium() -> PathBuf {
@@ -65,8 +65,8 @@ fn chromium() -> PathBuf {
     found.expect("Chromium: run the tests with `cargo xtask test`, which installs it")
 }
 
-/// The processes of the browser with this profile: those with the profile in their arguments, and
-/// their children.
+/// The processes of the browser with this profile: the processes that have the profile in their
+/// arguments, and all their descendants.
 fn processes_of(profile: &str) -> Vec<String> {
     let read = |process: &str, name: &str| {
         std::fs::read_to_string(format!("/proc/{process}/{name}")).unwrap_or_default()
@@ -93,7 +93,7 @@ fn processes_of(profile: &str) -> Vec<String> {
     found
 }
 
-/// Whether a process is running, and not just a zombie.
+/// Whether a process is running and not a zombie.
 fn is_running(process: &str) -> bool {
     let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
     stat.rsplit_once(')').is_some_and(|(_, fields)| !fields.trim_start().starts_with('Z'))
@@ -114,7 +114,8 @@ impl Browser {
     /// If it does not start.
     pub async fn killed(self) -> Self {
         let Self { mut browser, events, profile } = self;
-        // Its other processes would lock its databases for a while after the first one is gone.
+        // The browser's other processes would keep its databases locked for a while after the first
+        // process ends.
         let all = processes_of(&profile.path().to_string_lossy());
         browser.kill().await.expect("a process").expect("a kill");
         events.abort();
@@ -138,7 +139,7 @@ impl Browser {
             .launch_timeout(ANSWERS)
             .request_timeout(ANSWERS)
             .window_size(WIDE.0, WIDE.1)
-            // Its own emulation would make every window a touch screen.
+            // The client's default viewport would make every window a touch screen.
             .viewport(None)
             .args([
                 "disable-gpu",
@@ -156,14 +157,15 @@ impl Browser {
             chromiumoxide::Browser::launch(config).await.expect("Chromium starts");
         let events = tokio::spawn(async move {
             while let Some(event) = handler.next().await {
-                // A newer Chromium sends messages that this client does not know; they are ignored.
+                // A newer Chromium sends messages that this client does not know. They cause
+                // errors, which are ignored.
                 drop(event);
             }
         });
         Self { browser, events, profile }
     }
 
-    /// Opens an address in a new tab of 1280 × 800, in the light colour scheme.
+    /// Opens an address in a new tab with a window of 1280 × 800 in the light colour scheme.
     ///
     /// # Panics
     /// If it cannot be opened.
@@ -196,7 +198,7 @@ impl Browser {
         tokio::spawn(async move {
             while asked.next().await.is_some() {
                 told.fetch_add(1, Ordering::Relaxed);
-                // A page that is closed meanwhile needs no answer.
+                // If the page was closed meanwhile, no answer is needed.
                 let _ = asking.execute(HandleJavaScriptDialogParams::new(true)).await;
             }
         });
@@ -206,9 +208,9 @@ impl Browser {
         tab
     }
 
-    /// Ends the browser and waits until it has.
+    /// Ends the browser and waits until its process has ended.
     pub async fn close(mut self) {
-        // It may have ended already.
+        // The browser may have ended already.
         let _ = self.browser.close().await;
         let _ = self.browser.wait().await;
         self.events.abort();
@@ -218,15 +220,15 @@ impl Browser {
 /// A mouse action.
 #[derive(Clone, Copy, Debug)]
 pub enum Mouse {
-    /// It moves without a button.
+    /// Moves without a button pressed.
     Move,
-    /// Its left button goes down.
+    /// Presses the left button.
     Press,
-    /// It moves while that is down.
+    /// Moves with the left button pressed.
     Drag,
-    /// The button goes up.
+    /// Releases the left button.
     Release,
-    /// Its wheel turns by this many px, towards the user if positive.
+    /// Turns the wheel by this many pixels, towards the user if positive.
     Roll(f64),
 }
 
@@ -238,7 +240,7 @@ pub struct Tab {
 }
 
 impl Tab {
-    /// Number of times a page asked for confirmation before leaving; the answer was always yes.
+    /// How often a page asked for confirmation before leaving. The answer was always yes.
     #[must_use]
     pub fn warnings(&self) -> usize {
         self.warnings.load(Ordering::Relaxed)
@@ -252,7 +254,8 @@ impl Tab {
         self.page.goto(url).await.expect("the page opens");
     }
 
-    /// Runs JavaScript in every page that this tab opens from now on, before the page's own code.
+    /// Runs JavaScript in every page that this tab opens from now on, before the page's own
+    /// scripts.
     ///
     /// # Panics
     /// If the browser refuses.
@@ -281,7 +284,7 @@ impl Tab {
         self.page.execute(network).await.expect("a slower network");
     }
 
-    /// Heap size of the page's JavaScript after garbage collection, bytes.
+    /// Heap size of the page's JavaScript after garbage collection (bytes).
     ///
     /// # Panics
     /// If the browser does not return it.
@@ -324,7 +327,8 @@ impl Tab {
         }
     }
 
-    /// Limits the storage for pages of this origin, bytes. Call it before they store anything.
+    /// Limits the storage for pages of this origin to `bytes`. Call this before they store
+    /// anything.
     ///
     /// # Panics
     /// If the browser refuses.
@@ -333,7 +337,8 @@ impl Tab {
         self.page.execute(quota.build().expect("a quota")).await.expect("another quota");
     }
 
-    /// Zooms the page as the browser does: fewer and larger CSS pixels in the same window.
+    /// Zooms the page as the browser's zoom does, with fewer and larger CSS pixels in the same
+    /// window.
     ///
     /// # Panics
     /// If the browser refuses.
@@ -388,17 +393,17 @@ impl Tab {
         self.page.execute(media).await.expect("reduced motion");
     }
 
-    /// The value of a JavaScript expression.
+    /// Evaluates a JavaScript expression.
     ///
     /// # Panics
-    /// If it throws, or its value is not a `T`.
+    /// If the expression throws, or its value is not a `T`.
     pub async fn eval<T: serde::de::DeserializeOwned>(&self, expression: &str) -> T {
         let result = self.page.evaluate(expression).await;
         let result = result.unwrap_or_else(|error| panic!("{expression}: {error}"));
         result.into_value().unwrap_or_else(|error| panic!("{expression}: {error}"))
     }
 
-    /// Runs JavaScript for its effect.
+    /// Runs JavaScript for its side effects.
     ///
     /// # Panics
     /// If it throws.
@@ -407,10 +412,10 @@ impl Tab {
         result.unwrap_or_else(|error| panic!("{code}: {error}"));
     }
 
-    /// Waits until the address has this query, including its question mark.
+    /// Waits until the page's address has this query, which includes the question mark.
     ///
     /// # Panics
-    /// If it never has.
+    /// If this does not happen.
     pub async fn until_search(&self, search: &str) {
         self.until(&format!("location.search === {search:?}")).await;
     }
@@ -418,7 +423,7 @@ impl Tab {
     /// Waits until a JavaScript expression is true.
     ///
     /// # Panics
-    /// If it never is.
+    /// If it stays false for 90 s and the page does not change.
     pub async fn until(&self, expression: &str) {
         let (mut since, mut shown) = (Instant::now(), String::new());
         loop {
@@ -435,27 +440,27 @@ impl Tab {
                     words != shown,
                     "never true: {expression}\nthe page says: {words}\ncomplaints: {complaints:?}"
                 );
-                // The page still makes slow progress, such as a solve on a busy machine.
+                // The page still makes progress, such as a slow solve on a busy machine.
                 (since, shown) = (Instant::now(), words);
             }
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     }
 
-    /// A JavaScript expression for the element with this test name.
+    /// A JavaScript expression for the element with this `data-testid`.
     #[must_use]
     pub fn at(test_id: &str) -> String {
         format!("document.querySelector('[data-testid=\"{test_id}\"]')")
     }
 
-    /// Waits for an element, and presses it.
+    /// Waits until an element exists and is enabled, and clicks it by script.
     pub async fn press(&self, test_id: &str) {
         let element = Self::at(test_id);
         self.until(&format!("{element} && !{element}.disabled")).await;
         self.run(&format!("{element}.click()")).await;
     }
 
-    /// Waits for an element, and clicks on its centre with a real mouse event.
+    /// Waits until an element exists and is enabled, and clicks its centre with real mouse events.
     ///
     /// # Panics
     /// If the browser refuses.
@@ -472,7 +477,7 @@ impl Tab {
         }
     }
 
-    /// Waits for an element's text.
+    /// Waits for an element, and returns its text.
     pub async fn words(&self, test_id: &str) -> String {
         let element = Self::at(test_id);
         self.until(&element).await;
@@ -484,19 +489,19 @@ impl Tab {
         self.until(&format!("{}?.textContent.includes({words:?})", Self::at(test_id))).await;
     }
 
-    /// Sets a field's value as a user would.
+    /// Sets a field's value and fires an input event, like a user's input.
     pub async fn enter(&self, test_id: &str, value: &str) {
         let field = Self::at(test_id);
         let told = "dispatchEvent(new Event('input', {bubbles: true}))";
         self.run(&format!("{field}.value = {value:?}, {field}.{told}")).await;
     }
 
-    /// An attribute of an element.
+    /// An attribute of an element. `None` if the element or the attribute does not exist.
     pub async fn attribute(&self, test_id: &str, name: &str) -> Option<String> {
         self.eval(&format!("{}?.getAttribute('{name}') ?? null", Self::at(test_id))).await
     }
 
-    /// Waits until the scene on a canvas has reached a step.
+    /// Waits until the scene on a canvas has reached this step.
     pub async fn until_step(&self, canvas: &str, step: usize) {
         let element = Self::at(canvas);
         self.until(&format!("Number({element}?.dataset.step) >= {step}")).await;
@@ -507,8 +512,9 @@ impl Tab {
     /// # Panics
     /// If it does not paint.
     pub async fn until_painted(&self) {
-        // The second frame begins after the first is done; by then all running animations are
-        // known. Those of hidden elements, such as in closed details, may never end.
+        // The second frame begins when the first is done, and by then all running animations are
+        // known. Animations of hidden elements, for example in closed details, may never end, so
+        // they are excluded.
         let painted = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => \
                        Promise.allSettled(document.getAnimations() \
                        .filter(a => a.effect.target.checkVisibility()).map(a => a.finished)) \
@@ -525,7 +531,7 @@ impl Tab {
     /// Presses a key down.
     pub async fn key_down(&self, key: &str) {
         self.send_key(key, DispatchKeyEventType::RawKeyDown).await;
-        // The browser triggers buttons on the key's character.
+        // The browser activates a button on the key's character event.
         if key == "Enter" || digit(key).is_some() {
             self.send_key(key, DispatchKeyEventType::Char).await;
         }
@@ -569,7 +575,7 @@ impl Tab {
         self.page.execute(event).await.expect("a key press");
     }
 
-    /// Performs a mouse action at a position in the window, CSS pixels.
+    /// Performs a mouse action at a position in the window (CSS pixels).
     ///
     /// # Panics
     /// If the browser refuses.
@@ -595,7 +601,7 @@ impl Tab {
         self.page.execute(event).await.expect("a mouse");
     }
 
-    /// A screenshot of the window, also stored under `target/screenshots`.
+    /// Takes a screenshot of the window, and also stores it under `target/screenshots`.
     ///
     /// # Panics
     /// If it cannot be taken or stored.
@@ -611,14 +617,14 @@ impl Tab {
     /// Checks that the page has reported no error.
     ///
     /// # Panics
-    /// If it has.
+    /// If it has reported an error.
     pub fn is_quiet(&self) {
         let complaints = self.complaints.lock().expect("a list").clone();
         assert!(complaints.is_empty(), "{complaints:?}");
     }
 
-    /// Checks that the page has reported no error, that nothing is cut off at the right, and that
-    /// axe-core finds no barriers for people with a screen reader or without a mouse.
+    /// Checks that the page has reported no error and is not too wide for the window, and that
+    /// axe-core finds no accessibility violation.
     ///
     /// # Panics
     /// If a check fails.
@@ -631,10 +637,10 @@ impl Tab {
         self.is_accessible().await;
     }
 
-    /// Checks the page in its current state with axe-core.
+    /// Checks the accessibility of the page in its current state with axe-core.
     ///
     /// # Panics
-    /// If it finds a violation.
+    /// If axe-core finds a violation.
     pub async fn is_accessible(&self) {
         const AXE: &[u8] = include_bytes!("../data/axe-core/axe.min.js.gz");
         if self.eval::<bool>("typeof axe === 'undefined'").await {
@@ -642,7 +648,7 @@ impl Tab {
             GzDecoder::new(AXE).read_to_string(&mut code).expect("axe-core");
             self.page.evaluate(code).await.expect("axe-core starts");
         }
-        // Colour transitions are finished at once: on a busy machine some start late.
+        // Finish colour transitions first, because some start late on a busy machine.
         let violations: Vec<String> = self
             .eval(
                 "document.getAnimations().filter(a => a instanceof CSSTransition) \
@@ -655,7 +661,7 @@ impl Tab {
     }
 }
 
-/// Number of pixels of about this colour in a picture (within 6 of each channel).
+/// Number of pixels of a picture whose channels all differ by at most 6 from this colour.
 #[must_use]
 pub fn count_pixels(picture: &RgbaImage, colour: [u8; 3]) -> usize {
     let near =

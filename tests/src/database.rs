@@ -1,4 +1,5 @@
-//! A database under test of either kind: its address for the server, and its rows for the test.
+//! A SQLite or PostgreSQL database under test: its address for the server, and its rows for the
+//! test.
 
 use crate::sqlite::{self, Cell, cells};
 use futures_util::TryStreamExt;
@@ -7,7 +8,7 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Separator between two columns, and after a row, in the output of `psql`.
+/// Separators after a column and after a row in the output of `psql`.
 const UNIT: char = '\u{1f}';
 const RECORD: u8 = 0x1e;
 
@@ -16,7 +17,7 @@ const RECORD: u8 = 0x1e;
 pub enum Database {
     /// An SQLite file.
     Sqlite(PathBuf),
-    /// A database of PostgreSQL, by its address.
+    /// A PostgreSQL database, given by its address.
     Postgres(String),
 }
 
@@ -36,8 +37,8 @@ impl Database {
         }
     }
 
-    /// Calls `row` with each row of a query. Values are text in the same format for both kinds:
-    /// numbers in the shortest decimal form, bytes in hexadecimal, NULL as an empty text.
+    /// Calls `row` with each row of a query. Both kinds of database give the same texts: numbers in
+    /// the shortest decimal form, bytes in hexadecimal, and an empty text for NULL.
     ///
     /// # Panics
     /// If the query fails.
@@ -103,7 +104,8 @@ fn text(cell: Cell) -> String {
     }
 }
 
-/// Calls `row` with each row that statements return, through `psql`, which comes with the server.
+/// Calls `row` with each row that the statements return. Runs `psql`, which is installed with
+/// PostgreSQL.
 pub(crate) fn psql(url: &str, query: &str, mut row: impl FnMut(&[&str])) {
     let mut psql = Command::new("psql")
         .args(["--no-psqlrc", "--quiet", "--no-align", "--tuples-only"])
@@ -116,7 +118,7 @@ pub(crate) fn psql(url: &str, query: &str, mut row: impl FnMut(&[&str])) {
     let out = BufReader::new(psql.stdout.take().expect("its output"));
     for record in out.split(RECORD) {
         let record = String::from_utf8(record.expect("its output")).expect("UTF-8");
-        // The last one ends with the line.
+        // A newline follows the last record.
         let record = record.trim_end_matches('\n');
         if !record.is_empty() {
             let values: Vec<&str> = record
@@ -133,7 +135,7 @@ pub(crate) fn psql(url: &str, query: &str, mut row: impl FnMut(&[&str])) {
 mod tests {
     use super::*;
 
-    /// Must match `tests/faults/postgres.rs` for the other kind.
+    /// Must match the corresponding test for PostgreSQL, `tests/faults/postgres.rs`.
     #[tokio::test]
     async fn values_of_a_file_are_texts() {
         let folder = tempfile::tempdir().unwrap();
@@ -148,7 +150,7 @@ mod tests {
         database.each_row(query, |row| rows.push(row.join("|"))).await;
         assert_eq!(rows, ["7|a b|00ff|1760000000123.25", "8|||-0.5", "9|a\u{fffd}||2"]);
         assert_eq!(database.number("SELECT count(*) FROM kept").await, 3);
-        // It is closed: no other file is left beside it.
+        // The connection is closed, so SQLite has left no other file.
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 }

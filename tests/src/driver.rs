@@ -8,13 +8,13 @@ use sidestep::scene::{Scene, SceneParameters};
 use sidestep::trial::simulate;
 use sidestep::vehicle::TurnInput;
 
-/// An honest upload of a scene driven with these inputs by the paper's vehicles.
+/// An honest upload of a scene that the paper's vehicles drive with these inputs.
 #[must_use]
 pub fn upload(scene: &Scene, inputs: Vec<TurnInput>) -> TrialUpload {
     upload_with(&SceneParameters::default(), scene, inputs)
 }
 
-/// The same with other vehicles.
+/// Like [`upload`], but with the vehicles of `parameters`.
 #[must_use]
 pub fn upload_with(
     parameters: &SceneParameters,
@@ -35,13 +35,13 @@ pub fn upload_with(
     }
 }
 
-/// The scene, driven straight with a turn to the left from 2 s to 5 s.
+/// An upload of the scene, driven straight except for a left turn from 2 s to 5 s.
 #[must_use]
 pub fn driven(scene: &Scene) -> TrialUpload {
     driven_with(&SceneParameters::default(), scene)
 }
 
-/// The same with other vehicles.
+/// Like [`driven`], but with the vehicles of `parameters`.
 #[must_use]
 pub fn driven_with(parameters: &SceneParameters, scene: &Scene) -> TrialUpload {
     let mut inputs = vec![TurnInput::Straight; 50];
@@ -49,7 +49,7 @@ pub fn driven_with(parameters: &SceneParameters, scene: &Scene) -> TrialUpload {
     upload_with(parameters, scene, inputs)
 }
 
-/// Sampling times of a fast machine: a few milliseconds after each step's start.
+/// Sampling times (ms) of a fast machine: a few milliseconds after the start of each step.
 #[must_use]
 pub fn on_time() -> Vec<f64> {
     (0..50).map(|step| f64::from(step) * 200.0 + 3.7).collect()
@@ -69,41 +69,41 @@ impl Driver {
         Self { enrolled: answer.into(201) }
     }
 
-    /// The answer to an enrolment with this body, in the study `default`.
+    /// Asks for an enrolment in the study `default` with this body, and returns the answer.
     pub async fn ask(server: &Address, body: serde_json::Value) -> Answer {
         Self::ask_in(server, "default", body).await
     }
 
-    /// The answer to an enrolment in another study.
+    /// Asks for an enrolment in this study, and returns the answer.
     pub async fn ask_in(server: &Address, study: &str, body: serde_json::Value) -> Answer {
         let request = server.request(Method::POST, &routes::participants(study));
         Answer::of(request.json(&body)).await
     }
 
-    /// A request with this person's token.
+    /// A request with the participant's token.
     pub fn request(&self, server: &Address, method: Method, route: &str) -> RequestBuilder {
         server.request(method, route).bearer_auth(&self.enrolled.token)
     }
 
-    /// Every scene of the plan with its trial's id, in order.
+    /// All scenes of the plan in order, each with the id of its trial.
     #[must_use]
     pub fn scenes(&self) -> Vec<(String, Scene)> {
         let pair = |scene: &sidestep::api::PlannedScene| (scene.trial_id.clone(), scene.scene());
         self.enrolled.plan.scenes().map(|(_, s)| pair(s)).collect()
     }
 
-    /// The answer to an upload.
+    /// Uploads a trial, and returns the answer.
     pub async fn send(&self, server: &Address, trial_id: &str, trial: &TrialUpload) -> Answer {
         let request = self.request(server, Method::PUT, &routes::my_trial(trial_id));
         Answer::of(request.json(trial)).await
     }
 
-    /// The answer to a `PUT` with this body.
+    /// Sends a `PUT` request with this body and the participant's token, and returns the answer.
     pub async fn put(&self, server: &Address, route: &str, body: &serde_json::Value) -> Answer {
         Answer::of(self.request(server, Method::PUT, route).json(body)).await
     }
 
-    /// Drives the first `count` scenes and returns what was sent.
+    /// Drives the first `count` scenes and returns the uploaded trials.
     ///
     /// # Panics
     /// If an upload is not stored.
@@ -118,7 +118,8 @@ impl Driver {
         sent
     }
 
-    /// Drives all scenes with keys held for about half a second; each `who` steers differently.
+    /// Drives all scenes with random inputs, each held for up to 1.2 s. The seed `who` determines
+    /// the inputs.
     ///
     /// # Panics
     /// If a trial is not stored.
@@ -140,22 +141,22 @@ impl Driver {
         }
     }
 
-    /// The answer to a completion.
+    /// Completes the participation, and returns the answer.
     pub async fn complete(&self, server: &Address) -> Answer {
         Answer::of(self.request(server, Method::POST, routes::COMPLETE)).await
     }
 
-    /// The answer to a request for the participant's progress.
+    /// Requests the participant's progress, and returns the answer.
     pub async fn me(&self, server: &Address) -> Answer {
         self.get(server, routes::ME).await
     }
 
-    /// `GET` with the participant's token.
+    /// Sends a `GET` request with the participant's token, and returns the answer.
     pub async fn get(&self, server: &Address, route: &str) -> Answer {
         Answer::of(self.request(server, Method::GET, route)).await
     }
 
-    /// The answer to a withdrawal.
+    /// Withdraws the participant, and returns the answer.
     pub async fn withdraw(&self, server: &Address, data: &str) -> Answer {
         let route = format!("{}?data={data}", routes::ME);
         Answer::of(self.request(server, Method::DELETE, &route)).await

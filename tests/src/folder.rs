@@ -1,11 +1,11 @@
-//! Temporary folders, and tables.
+//! Temporary folders, and CSV tables.
 
 use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// A folder that is removed when dropped.
+/// A temporary folder. Dropping it removes the folder.
 pub struct Folder(TempDir);
 
 impl Default for Folder {
@@ -15,34 +15,34 @@ impl Default for Folder {
 }
 
 impl Folder {
-    /// A temporary folder in `parent`.
+    /// Creates a temporary folder in `parent`.
     ///
     /// # Panics
-    /// If it cannot be made.
+    /// If it cannot be created.
     #[must_use]
     pub fn within(parent: &str) -> Self {
         Self(TempDir::new_in(parent).expect("a folder"))
     }
 
-    /// The folder itself.
+    /// The path of the folder.
     #[must_use]
     pub fn root(&self) -> &Path {
         self.0.path()
     }
 
-    /// The path of a file in it.
+    /// The path of a file in the folder.
     #[must_use]
     pub fn path(&self, name: &str) -> PathBuf {
         self.root().join(name)
     }
 
-    /// The same as text, for command lines.
+    /// The path of a file in the folder as text, for command lines.
     #[must_use]
     pub fn name(&self, name: &str) -> String {
         self.path(name).display().to_string()
     }
 
-    /// The address of a database in it.
+    /// The address of a SQLite database in the folder.
     #[must_use]
     pub fn database(&self, name: &str) -> String {
         format!("sqlite:{}", self.name(name))
@@ -60,13 +60,13 @@ impl Folder {
     /// The text of a file.
     ///
     /// # Panics
-    /// If there is none.
+    /// If the file cannot be read.
     #[must_use]
     pub fn text(&self, name: &str) -> String {
         fs::read_to_string(self.path(name)).expect("a text")
     }
 
-    /// Names of all entries, including hidden ones, sorted.
+    /// Names of all entries, including hidden ones, in ascending order.
     ///
     /// # Panics
     /// If the folder does not exist.
@@ -80,13 +80,13 @@ impl Folder {
     }
 }
 
-/// The path of a file of the library's test data.
+/// The path of a file in the library's test data.
 #[must_use]
 pub fn data(name: &str) -> String {
     format!("{}/../shared/tests/data/{name}", env!("CARGO_MANIFEST_DIR"))
 }
 
-/// A row of a table: its fields by the names of their columns.
+/// A row of a table: each column's name and the field in that column.
 pub type Row = HashMap<String, String>;
 
 /// The rows of a CSV file.

@@ -1,7 +1,7 @@
-//! NGINX or HAProxy in front of two servers, as in `docs/deploy`, with free ports and its own
-//! files.
+//! NGINX or HAProxy in front of two servers, with the configuration of `docs/deploy` but with free
+//! ports and temporary files.
 //!
-//! It needs Debian's packages `nginx` and `haproxy`, which `cargo xtask test` installs.
+//! Requires Debian's packages `nginx` and `haproxy`, which `cargo xtask test` installs.
 
 use crate::{Address, Folder};
 use rcgen::{CertificateParams, KeyPair};
@@ -16,26 +16,26 @@ use tokio::process::{Child, Command};
 use tokio_rustls::rustls::RootCertStore;
 use tokio_rustls::rustls::pki_types::CertificateDer;
 
-/// Host name of the servers in the files of `docs/deploy`.
+/// Host name of the servers in the configuration files of `docs/deploy`.
 pub const NAME: &str = "study.example.org";
 
-/// Timeout until it forwards requests.
+/// Timeout for the proxy to forward requests.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// Kind of proxy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// `nginx.conf`.
+    /// NGINX, configured by `nginx.conf`.
     Nginx,
-    /// `haproxy.cfg`.
+    /// HAProxy, configured by `haproxy.cfg`.
     Haproxy,
 }
 
-/// A running proxy; dropping it ends it.
+/// A running proxy. Dropping it ends the proxy.
 pub struct Front {
-    /// The encrypted address for participants.
+    /// The HTTPS address for participants.
     pub address: Address,
-    /// The plain address, which redirects to the encrypted one.
+    /// The HTTP address, which redirects to the HTTPS address.
     pub plain: Address,
     kind: Kind,
     folder: Folder,
@@ -43,10 +43,10 @@ pub struct Front {
 }
 
 impl Front {
-    /// Starts it in front of these two servers and waits until it forwards requests.
+    /// Starts the proxy in front of these two servers and waits until it forwards requests.
     ///
     /// # Panics
-    /// If the proxy is not installed, refuses its file, or does not answer.
+    /// If the proxy is not installed, rejects its configuration, or does not answer.
     pub async fn start(kind: Kind, servers: [&Address; 2]) -> Self {
         let folder = Folder::default();
         let root = certificate(&folder);
@@ -61,7 +61,7 @@ impl Front {
                 command
             }
             Kind::Haproxy => {
-                // Fewer file descriptors than its connections would take, as on many systems.
+                // Fewer file descriptors than HAProxy's connections would need, as on many systems.
                 let mut command = Command::new("sh");
                 command.args(["-c", "ulimit -n 20000 && exec \"$@\"", "sh"]);
                 command.arg(program("haproxy")).args(["-db", "-f", &file]);
@@ -98,7 +98,7 @@ impl Front {
         Self { address, plain, kind, folder, _child: child }
     }
 
-    /// Its log of requests.
+    /// The proxy's log of requests.
     #[must_use]
     pub fn log(&self) -> String {
         self.folder.text(match self.kind {
@@ -108,7 +108,7 @@ impl Front {
     }
 }
 
-/// The file of `docs/deploy` with only ports, files and servers replaced.
+/// The configuration from `docs/deploy`, in which only ports, files and servers are replaced.
 fn adapted(
     kind: Kind,
     folder: &Folder,
@@ -135,7 +135,7 @@ fn adapted(
             put("/var/log/nginx/", &folder.name(""));
             put("listen 80;", &format!("listen 127.0.0.1:{plain};"));
             put("listen 443 ssl", &format!("listen 127.0.0.1:{encrypted} ssl"));
-            // In a place that the user of the tests can write to.
+            // In a folder that the user of the tests can write to.
             let folders = ["client_body", "proxy", "fastcgi", "uwsgi", "scgi"];
             let folders = folders.map(|one| format!("{one}_temp_path {};\n", folder.name(one)));
             put("http {\n", &format!("http {{\n{}", folders.concat()));
@@ -150,7 +150,7 @@ fn adapted(
     text
 }
 
-/// Writes a certificate for [`NAME`] in the format of both proxies.
+/// Writes a self-signed certificate for [`NAME`] in the formats of both proxies.
 fn certificate(folder: &Folder) -> CertificateDer<'static> {
     let params = CertificateParams::new(vec![NAME.to_owned()]).expect("a name");
     let key = KeyPair::generate().expect("a key");
@@ -165,14 +165,14 @@ fn certificate(folder: &Folder) -> CertificateDer<'static> {
 /// A free port.
 ///
 /// # Panics
-/// If there is none.
+/// If no port is free.
 #[must_use]
 pub fn free_port() -> u16 {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
     listener.local_addr().expect("its address").port()
 }
 
-/// The path of an installed server program, also in root's folders.
+/// The path of a server program. Checks `/usr/sbin`, which may not be on the PATH.
 fn program(name: &str) -> PathBuf {
     let installed = Path::new("/usr/sbin").join(name);
     if installed.is_file() { installed } else { name.into() }

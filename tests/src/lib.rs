@@ -1,5 +1,6 @@
 //! Support for end-to-end tests: a server on a free port with its own database and a small site,
-//! people who drive, and the command as a process. Everything is removed when dropped.
+//! simulated participants, and the command as a process. Dropping these objects cleans up after
+//! them.
 
 pub mod behind;
 pub mod browser;
@@ -33,24 +34,24 @@ use serde_json::Value;
 use sidestep_server::client::http;
 use tokio_rustls::rustls::RootCertStore;
 
-/// Address of a server.
+/// Address of a server, and a client to access it.
 #[derive(Clone, Debug)]
 pub struct Address {
     /// `http://127.0.0.1:PORT`.
     pub origin: String,
-    /// Sends requests; has no cookies and follows no redirects.
+    /// Sends requests without cookies and does not follow redirects.
     client: Client,
 }
 
 impl Address {
-    /// The server at that origin.
+    /// The server at this origin.
     #[must_use]
     pub fn new(origin: String) -> Self {
         let client = http(RootCertStore::empty()).expect("versions of TLS");
         Self::through(origin, client.build().expect("a client"))
     }
 
-    /// The server at that origin, accessed by the test's own client.
+    /// The server at this origin, accessed by the given client.
     #[must_use]
     pub fn through(origin: String, client: Client) -> Self {
         Self { origin, client }
@@ -61,7 +62,7 @@ impl Address {
         self.client.request(method, format!("{}{route}", self.origin))
     }
 
-    /// `GET` without any credentials.
+    /// Sends a `GET` request without credentials, and returns the answer.
     pub async fn get(&self, route: &str) -> Answer {
         Answer::of(self.request(Method::GET, route)).await
     }
@@ -70,9 +71,9 @@ impl Address {
 /// The answer to a request: status, and the body as JSON (null if it is not JSON).
 #[derive(Debug)]
 pub struct Answer {
-    /// Status.
+    /// The HTTP status.
     pub status: u16,
-    /// Body.
+    /// The body as JSON; null if it is not JSON.
     pub body: Value,
 }
 
@@ -89,8 +90,8 @@ impl Answer {
         Self { status, body }
     }
 
-    /// Checks that this is a problem of that status, code and field, and returns
-    /// its message.
+    /// Checks that this answer is a problem with this status, code and field, and returns its
+    /// message.
     ///
     /// # Panics
     /// If it is not.
@@ -104,7 +105,7 @@ impl Answer {
     /// The body as a `T`.
     ///
     /// # Panics
-    /// If the status is another one or the body is not a `T`.
+    /// If the status differs or the body is not a `T`.
     pub fn into<T: serde::de::DeserializeOwned>(self, status: u16) -> T {
         assert_eq!(self.status, status, "{}", self.body);
         serde_json::from_value(self.body).expect("the body's type")

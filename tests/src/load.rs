@@ -1,7 +1,7 @@
 //! Many people who take part at once, in one thread, and a check of the database afterwards.
 //!
-//! A [`Crowd`] enrols, uploads at full speed or by the clock, reloads, retries, vanishes and
-//! withdraws. Its [ledger](ledger::compare) then compares every acknowledged trial with the
+//! A [`Crowd`] enrols, uploads at full speed or at a fixed rate, reloads, retries, vanishes and
+//! withdraws. Afterwards, its [ledger](ledger::compare) compares every acknowledged trial with the
 //! database, value by value.
 
 pub mod capacity;

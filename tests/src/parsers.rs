@@ -1,6 +1,6 @@
-//! All parsers of external input, as functions of arbitrary bytes: called by a fuzzer (`cargo xtask
-//! fuzz`), and by the test on all stored inputs. A parser may refuse its input, but it must not
-//! panic, hang, or fail to read back its own output.
+//! All parsers of external input, as functions of arbitrary bytes. A fuzzer (`cargo xtask fuzz`)
+//! calls them, and so does the test on all stored inputs. A parser may reject its input, but it
+//! must not panic, hang, or fail to read back its own output.
 
 use crate::Folder;
 use clap::Args;
@@ -44,13 +44,13 @@ pub const PARSERS: [(&str, Parser); 10] = [
     ("query", query),
 ];
 
-/// The parser of that name.
+/// The parser with this name.
 #[must_use]
 pub fn named(name: &str) -> Option<Parser> {
     PARSERS.iter().find(|(one, _)| *one == name).map(|&(_, parser)| parser)
 }
 
-/// The body of an upload, up to the database.
+/// The body of an upload, including the checks before it is stored.
 fn upload(bytes: &[u8]) {
     let _ = json::parse::<Enrolment<serde_json::Value>>(bytes);
     let Ok(upload) = json::parse::<TrialUpload>(bytes) else { return };
@@ -77,8 +77,8 @@ fn written_as_json(value: &impl serde::Serialize) -> String {
     serde_json::to_string(value).expect("JSON")
 }
 
-/// A file of trials, by both readers, which must agree. Only the first checks whether the
-/// participants of a file are scattered.
+/// A file of trials, read by both readers, which must agree. Only the first reader accepts a file
+/// in which the trials of a participant are scattered.
 fn trials(bytes: &[u8]) {
     let parameters = SceneParameters::default();
     let whole = trials_csv::read(bytes, &parameters);
@@ -105,7 +105,7 @@ fn archive(bytes: &[u8]) {
     used(&stored.function);
 }
 
-/// A serialized value function, which must survive a round trip.
+/// An encoded value function, which must survive a round trip.
 fn value_function(bytes: &[u8]) {
     let Ok(function) = ValueFunction::decode(bytes) else { return };
     used(&function);
@@ -113,7 +113,7 @@ fn value_function(bytes: &[u8]) {
     assert_eq!(again.encode(), function.encode());
 }
 
-/// A decoded function must have a value everywhere.
+/// Checks that a decoded function has a finite value everywhere.
 fn used(function: &ValueFunction) {
     for relative in [[0.0, 0.0, 0.0], [3.0, -2.0, 1.0], [-1e3, 1e3, -4.0]] {
         let value = function.value(relative);
@@ -121,7 +121,7 @@ fn used(function: &ValueFunction) {
     }
 }
 
-/// A predictor, which must return probabilities.
+/// A predictor file. The predictor must return probabilities.
 fn predictor(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let Ok(file) = from_json::<PredictorFile>(text) else { return };
@@ -146,13 +146,13 @@ fn study(bytes: &[u8]) {
     assert!(again.is_ok_and(|again| again.config() == config), "{text}");
 }
 
-/// The input document of `sidestep bounds`, which must be answered or refused.
+/// The input document of `sidestep bounds`. The command must answer or reject it.
 fn bounds(bytes: &[u8]) {
     answered::<BoundsArgs>(bytes, bounds::run);
 }
 
-/// The input document of `sidestep reach`. Many steps take seconds, which users accept but a fuzzer
-/// does not.
+/// The input document of `sidestep reach`. Inputs with many steps are skipped, because they take
+/// seconds, which is too slow for a fuzzer.
 fn reach(bytes: &[u8]) {
     let document: serde_json::Value = serde_json::from_slice(bytes).unwrap_or_default();
     let is_long = |set: &serde_json::Value| set["lo"].as_array().is_some_and(|lo| lo.len() > 8);
@@ -162,7 +162,7 @@ fn reach(bytes: &[u8]) {
     answered::<ReachArgs>(bytes, reach::run);
 }
 
-/// Runs a command with an input file of these bytes and an output file.
+/// Runs a command with these bytes as its input file, and with an output file.
 fn answered<A: Args>(bytes: &[u8], run: impl AsyncFn(A) -> Result<(), CommandError>) {
     thread_local! {
         static RUNTIME: Runtime = Runtime::new().expect("a runtime");
@@ -185,7 +185,8 @@ fn answered<A: Args>(bytes: &[u8], run: impl AsyncFn(A) -> Result<(), CommandErr
     });
 }
 
-/// The queries of routes, and those with the view of a page, which must survive a round trip.
+/// The query parameters of routes. A query that describes the view of a page must survive a round
+/// trip.
 fn query(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let Ok(uri) = format!("/?{text}").parse() else { return };
@@ -200,7 +201,7 @@ fn query(bytes: &[u8]) {
         let _ = settings.set(name, value);
     }
     if let Ok(view) = trial_view::view::View::of_query(pairs()) {
-        // A link has whole milliseconds.
+        // A link contains whole milliseconds, so the links are compared.
         let written = view.query();
         let again = trial_view::view::View::of_query(split(&written));
         assert_eq!(again.map(|again| again.query()), Ok(written));

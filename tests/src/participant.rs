@@ -1,16 +1,16 @@
-//! Actions of a participant at the real page, with real key presses.
+//! Actions of a participant on the real page, with real key presses.
 
 use crate::{Server, Tab};
 use sidestep::api::{Texts, routes};
 
-/// Takes part in the study, up to the first scene.
+/// Opens the study's page and goes on to the first scene.
 pub async fn begin(tab: &Tab, server: &Server) {
     tab.go(&format!("{}/s/default", server.origin)).await;
     instructed(tab).await;
     understood(tab, server, "en").await;
 }
 
-/// From the consent text to the instructions.
+/// Goes from the consent text to the instructions.
 pub async fn instructed(tab: &Tab) {
     tab.press("consent").await;
     equipped(tab).await;
@@ -18,7 +18,7 @@ pub async fn instructed(tab: &Tab) {
     tab.words("arena").await;
 }
 
-/// Shows with real key presses that the keys work.
+/// Presses both keys, to show the page that they work.
 pub async fn equipped(tab: &Tab) {
     tab.words("equipment").await;
     for key in ["ArrowLeft", "ArrowRight"] {
@@ -28,7 +28,7 @@ pub async fn equipped(tab: &Tab) {
     tab.until(&format!("{}?.disabled === false", Tab::at("continue"))).await;
 }
 
-/// From the instructions to the first scene, with the right answers.
+/// Goes from the instructions to the first scene. Answers a comprehension check correctly.
 pub async fn understood(tab: &Tab, server: &Server, language: &str) {
     tab.press("continue").await;
     tab.until(&format!("{} || {}", Tab::at("start"), Tab::at("comprehension"))).await;
@@ -39,13 +39,13 @@ pub async fn understood(tab: &Tab, server: &Server, language: &str) {
     tab.words("start").await;
 }
 
-/// Answers the check of understanding correctly.
+/// Answers the comprehension check correctly, and waits until the answers are stored.
 pub async fn answer_check(tab: &Tab, server: &Server, language: &str) {
     send_answers(tab, server, language).await;
     tab.until(&format!("{}?.disabled === false", Tab::at("continue"))).await;
 }
 
-/// The same without waiting until they are stored.
+/// Answers the comprehension check correctly, but does not wait until the answers are stored.
 pub async fn send_answers(tab: &Tab, server: &Server, language: &str) {
     let url = format!("{}?language={language}", routes::texts("default"));
     let texts: Texts = server.get(&url).await.into(200);
@@ -55,7 +55,7 @@ pub async fn send_answers(tab: &Tab, server: &Server, language: &str) {
     tab.press("submit").await;
 }
 
-/// Drives a scene with one key held from step 5 to step 40, until the page goes on.
+/// Drives a scene with one key held from step 5 to step 40, and waits until the scene has ended.
 pub async fn drive(tab: &Tab, key: &str) {
     tab.press("start").await;
     tab.until_step("scene", 5).await;

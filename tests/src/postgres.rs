@@ -1,6 +1,7 @@
-//! A PostgreSQL server for one test: in a private folder, on a Unix socket, removed when dropped.
+//! A PostgreSQL server for one test, in a private folder and on a Unix socket. Dropping it removes
+//! the server.
 //!
-//! It needs Debian's package `postgresql`, which `cargo xtask test` installs.
+//! Requires Debian's package `postgresql`, which `cargo xtask test` installs.
 
 use crate::Database;
 use crate::database::psql;
@@ -10,32 +11,33 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// Owner of the server's files if the tests run as root, which PostgreSQL refuses: the user nobody.
+/// The user `nobody`, who owns the server's files if the tests run as root, because PostgreSQL
+/// refuses to run as root.
 const NOBODY: u32 = 65_534;
 
-/// The user of its databases.
+/// The user of the databases.
 const USER: &str = "app";
 
-/// Timeout until it accepts connections, or has stopped.
+/// Timeout for the server to accept connections.
 const PATIENCE: Duration = Duration::from_secs(300);
 
 /// Whether a commit waits for the disk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fsync {
-    /// As in production.
+    /// A commit waits for the disk, as in production.
     On,
-    /// Faster, for tests without power cuts.
+    /// A commit does not wait, which is faster. For tests without power cuts.
     Off,
 }
 
 /// How a server is stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
-    /// Ends its sessions, rolls back their transactions, and writes everything to its files.
+    /// Ends all sessions, rolls back their transactions, and writes all data to the files.
     Fast,
-    /// Its processes exit at once without writing; the next start recovers.
+    /// The processes exit at once without writing. The next start recovers the data.
     Immediate,
-    /// It is killed, as in a power cut (SIGKILL); the next start recovers.
+    /// Kills the server (SIGKILL), as in a power cut. The next start recovers the data.
     Kill,
 }
 
@@ -43,9 +45,9 @@ pub enum Stop {
 #[derive(Debug)]
 pub struct Cluster {
     folder: TempDir,
-    /// Settings on its command line, which take precedence.
+    /// Settings for the server's command line. They take precedence over the configuration files.
     pub settings: Vec<String>,
-    /// Used in the name of its socket, and as a TCP port if `settings` enable that.
+    /// Port in the name of the socket. It is also the TCP port if `settings` enable TCP.
     port: u16,
     running: Option<Child>,
     databases: Cell<usize>,
@@ -69,7 +71,7 @@ impl Cluster {
         cluster
     }
 
-    /// As [`Self::start`], for async tests.
+    /// Like [`Self::start`], but for async tests.
     ///
     /// # Panics
     /// If PostgreSQL is not installed or does not start.
@@ -78,7 +80,7 @@ impl Cluster {
         started.await.expect("a cluster")
     }
 
-    /// As [`Self::start`], also on a TCP port of this machine.
+    /// Like [`Self::start`], but also listens on a TCP port of this machine.
     ///
     /// # Panics
     /// If PostgreSQL is not installed or does not start.
@@ -95,7 +97,7 @@ impl Cluster {
         self.port = port;
     }
 
-    /// As [`Self::at_port`], requiring TLS and a password.
+    /// Like [`Self::at_port`], but TCP connections require TLS and a password.
     ///
     /// # Panics
     /// If PostgreSQL is not installed or does not start.
@@ -118,11 +120,11 @@ impl Cluster {
         cluster
     }
 
-    /// A standby at another port that follows this cluster. From now on the cluster acknowledges a
-    /// commit only when the standby has it.
+    /// Starts a standby that follows this cluster, on another port. From then on, this cluster
+    /// acknowledges a commit only when the standby has it.
     ///
     /// # Panics
-    /// If it does not follow.
+    /// If the standby does not follow.
     #[must_use]
     pub fn standby(&self, port: u16) -> Self {
         let folder = TempDir::new().expect("a folder");
@@ -147,9 +149,9 @@ impl Cluster {
         standby
     }
 
-    /// Promotes a standby to primary; returns when it accepts writes.
+    /// Promotes this standby to primary, and returns when it accepts writes.
     pub fn promote(&self) {
-        // The setting was copied from the primary, but no standby follows this one.
+        // The base copy includes the primary's setting, but no standby follows the new primary.
         self.ask("SELECT pg_promote()");
         self.ask("ALTER SYSTEM RESET synchronous_standby_names");
         self.ask("SELECT pg_reload_conf()");
@@ -159,7 +161,7 @@ impl Cluster {
         self.folder.path().join("data")
     }
 
-    /// A cluster that is not running yet.
+    /// Creates a cluster that is not running yet.
     fn made(fsync: Fsync) -> Self {
         let folder = TempDir::new().expect("a folder");
         own(folder.path());
@@ -185,22 +187,22 @@ impl Cluster {
         Self { folder, settings, port: 5432, running: None, databases: Cell::new(0) }
     }
 
-    /// Starts it after a stop; returns when it accepts connections.
+    /// Starts the server after a stop, and returns when it accepts connections.
     ///
     /// # Panics
-    /// If it runs, or does not start.
+    /// If the server is running, or does not start.
     pub fn start_again(&mut self) {
         assert!(self.running.is_none(), "it runs");
         let end = Instant::now() + PATIENCE;
-        // Processes of a killed server may still be exiting, and the next one refuses to start
-        // meanwhile.
+        // Processes of a killed server may still be exiting, and until they have exited a new
+        // server refuses to start.
         while !self.try_start() {
             assert!(Instant::now() < end, "PostgreSQL does not start: {}", self.log());
             std::thread::sleep(Duration::from_millis(20));
         }
     }
 
-    /// Starts a server; false if it exits instead of accepting connections.
+    /// Starts the server. Returns false if it exits instead of accepting connections.
     fn try_start(&mut self) -> bool {
         let log = std::fs::File::options().create(true).append(true).open(self.log_file());
         let child = command("postgres")
@@ -227,10 +229,10 @@ impl Cluster {
         true
     }
 
-    /// Stops it, if it runs; returns when it has exited.
+    /// Stops the server if it is running, and returns when it has exited.
     ///
     /// # Panics
-    /// If it does not exit.
+    /// If the signal cannot be sent.
     pub fn stop(&mut self, how: Stop) {
         let Some(mut child) = self.running.take() else { return };
         let signal = match how {
@@ -243,7 +245,7 @@ impl Cluster {
         child.wait().expect("its end");
     }
 
-    /// A new, empty database.
+    /// Creates an empty database.
     ///
     /// # Panics
     /// If it cannot be created.
@@ -255,7 +257,7 @@ impl Cluster {
         Database::Postgres(self.url(&name))
     }
 
-    /// The first column of a statement's result, in the database `postgres`.
+    /// Runs a statement in the database `postgres`, and returns the first column of the result.
     fn ask(&self, statement: &str) -> Vec<String> {
         let mut found = Vec::new();
         psql(&self.url("postgres"), statement, |row| found.push(row[0].to_owned()));
@@ -269,7 +271,7 @@ impl Cluster {
         format!("postgres:///{name}?host={host}&user={USER}&port={}", self.port)
     }
 
-    /// The folder with its socket.
+    /// The folder that contains the socket.
     #[must_use]
     pub fn folder(&self) -> &Path {
         self.folder.path()
@@ -286,13 +288,13 @@ impl Cluster {
         self.folder.path().join("log")
     }
 
-    /// Its log.
+    /// The server's log.
     fn log(&self) -> String {
         std::fs::read_to_string(self.log_file()).unwrap_or_default()
     }
 }
 
-/// A PostgreSQL program, run as a user who may run it.
+/// A PostgreSQL program, run as a user whom it accepts.
 fn command(name: &str) -> Command {
     let program = program(name);
     if !is_root() {
@@ -304,7 +306,7 @@ fn command(name: &str) -> Command {
     command
 }
 
-/// The path of a program in the newest installed version.
+/// The path of a program of the newest installed version.
 fn program(name: &str) -> PathBuf {
     let versions = std::fs::read_dir("/usr/lib/postgresql").into_iter().flatten().flatten();
     let number = |path: &Path| path.file_name()?.to_str()?.parse::<u32>().ok();
@@ -317,7 +319,7 @@ fn is_root() -> bool {
     std::fs::metadata("/proc/self").is_ok_and(|own| std::os::unix::fs::MetadataExt::uid(&own) == 0)
 }
 
-/// Gives a folder to the user who runs the server.
+/// Makes the user who runs the server the owner of a folder or file.
 fn own(folder: &Path) {
     if is_root() {
         std::os::unix::fs::chown(folder, Some(NOBODY), Some(NOBODY)).expect("a folder of nobody's");

@@ -1,10 +1,11 @@
-//! Power cuts: SQLite's writes and syncs are recorded, and the disk is reconstructed as a cut at
-//! any point would leave it.
+//! Power cuts. SQLite's writes and syncs are recorded, and the disk's content is reconstructed as a
+//! power cut at any point would leave it.
 //!
-//! Everything synced before the cut is there. Of later writes, each sector of 512 bytes is there or
-//! not, at random: a disk writes in any order, and a cut tears the current write. SQLite itself
-//! relies on sectors being written atomically (<https://sqlite.org/psow.html>). The recorder is a
-//! VFS layer below the server's own SQLite, so nothing in the server is replaced.
+//! Everything that was synced before the cut is on the disk. Of later writes, each sector of 512
+//! bytes is on the disk or not, at random, because a disk writes in any order and a cut interrupts
+//! the current write. SQLite itself relies on atomic writes of sectors
+//! (<https://sqlite.org/psow.html>). The recorder is a VFS layer below the server's own SQLite, so
+//! no part of the server is replaced.
 
 pub mod cuts;
 mod vfs;
@@ -14,7 +15,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Bytes that a disk writes atomically.
+/// Number of bytes that a disk writes atomically.
 const SECTOR: usize = 512;
 
 /// An operation on a file. Files are identified by their names in the folder.
@@ -28,7 +29,7 @@ enum Act {
         length: usize,
     },
     Deleted,
-    /// Everything before `covered` is on the disk.
+    /// All operations on the file before index `covered` are on the disk.
     Synced {
         covered: usize,
     },
@@ -43,20 +44,21 @@ pub struct Recording {
     acts: Acts,
 }
 
-/// Behaviour of a disk on sync.
+/// Behaviour of a disk when it is asked to sync.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Disk {
-    /// It responds when everything is written.
+    /// It answers when everything is written.
     Honest,
-    /// For SQLite's log it responds at once without writing: the negative control.
+    /// For SQLite's write-ahead log, it answers at once without writing. This is the negative
+    /// control.
     Lying,
 }
 
 impl Recording {
-    /// Records SQLite's operations in this process on files in a folder.
+    /// Records the operations of SQLite in this process on the files in a folder.
     ///
     /// # Panics
-    /// If SQLite does not accept the file layer.
+    /// If SQLite does not accept the VFS layer.
     #[must_use]
     pub fn of(folder: &Path) -> Self {
         let acts = Acts::default();
@@ -68,13 +70,13 @@ impl Recording {
         self.acts.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The current point: the number of operations so far.
+    /// The current point, which is the number of operations so far.
     #[must_use]
     pub fn now(&self) -> usize {
         self.acts().len()
     }
 
-    /// Writes the files into a folder as they are after a power cut at that point.
+    /// Writes the files into a folder as a power cut at point `moment` leaves them.
     ///
     /// # Panics
     /// If they cannot be written.
@@ -85,7 +87,7 @@ impl Recording {
     }
 }
 
-/// The files after these operations and a cut.
+/// The files after these operations and a power cut.
 fn files(acts: &[(String, Act)], disk: Disk, rng: &mut SeededRng) -> BTreeMap<String, Vec<u8>> {
     let mut synced: BTreeMap<&str, usize> = BTreeMap::new();
     for (name, act) in acts {
@@ -113,7 +115,8 @@ fn files(acts: &[(String, Act)], disk: Disk, rng: &mut SeededRng) -> BTreeMap<St
             Act::Cut { length } if is_kept() => {
                 files.entry(name.clone()).or_default().resize(*length, 0);
             }
-            // SQLite deletes a log or journal only when it is no longer needed.
+            // SQLite deletes a log or journal only when it is no longer needed, so a deletion is
+            // always kept.
             Act::Deleted => drop(files.remove(name)),
             Act::Cut { .. } | Act::Synced { .. } => {}
         }
@@ -121,13 +124,13 @@ fn files(acts: &[(String, Act)], disk: Disk, rng: &mut SeededRng) -> BTreeMap<St
     files
 }
 
-/// The name of a file in a folder, if it is directly in it.
+/// The name of a file, if it is directly in the folder.
 fn name_in(folder: &Path, file: &Path) -> Option<String> {
     let name = file.strip_prefix(folder).ok()?;
     (name.components().count() == 1).then(|| name.to_string_lossy().into_owned())
 }
 
-/// Recordings by folder.
+/// Each recorded folder with its operations.
 type Recordings = Mutex<Vec<(PathBuf, Acts)>>;
 
 #[cfg(test)]
@@ -151,7 +154,7 @@ mod tests {
             assert!(sectors[..2].iter().all(|sector| [1, 2].contains(sector)), "{sectors:?}");
             found.insert(sectors);
         }
-        // Every combination of the three unsynced sectors.
+        // Every combination of the three unsynced sectors occurs.
         assert_eq!(found.len(), 8);
         let lying = (0..50).map(|_| files(&acts[..2], Disk::Lying, &mut rng));
         assert!(lying.into_iter().any(|files| files.get("a-wal").is_none_or(|file| file[0] == 0)));

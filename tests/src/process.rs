@@ -1,4 +1,4 @@
-//! The `sidestep` command as a process: exit codes, output, kills.
+//! The `sidestep` command as a process: exit codes, output and signals.
 
 use crate::server::write_site;
 use crate::{Address, Database, Folder};
@@ -12,10 +12,11 @@ use std::time::Duration;
 use tokio::io::{AsyncBufReadExt, BufReader, Lines};
 use tokio::process::{Child, ChildStdout, Command};
 
-/// The installed command, with the client beside it: `SIDESTEP_BIN`.
+/// The path of the installed command, from `SIDESTEP_BIN`. The site of the client is beside the
+/// command.
 ///
 /// # Panics
-/// If that is not set.
+/// If `SIDESTEP_BIN` is not set.
 pub fn binary() -> &'static Path {
     static BINARY: LazyLock<PathBuf> = LazyLock::new(|| {
         let given = std::env::var_os("SIDESTEP_BIN");
@@ -37,11 +38,11 @@ pub async fn sidestep(args: &[&str]) -> Output {
 /// The output and exit code of a command.
 #[derive(Debug)]
 pub struct Said {
-    /// Its exit code; `None` if a signal ended it.
+    /// Exit code. `None` if a signal ended the process.
     pub code: Option<i32>,
-    /// What it printed to stdout.
+    /// Standard output.
     pub out: String,
-    /// What it printed to stderr.
+    /// Standard error.
     pub err: String,
 }
 
@@ -53,27 +54,27 @@ impl From<Output> for Said {
 }
 
 impl Said {
-    /// The one line of JSON on stdout of a command that succeeded.
+    /// The result of a successful command: one line of JSON on stdout.
     ///
     /// # Panics
-    /// If it failed or printed anything else.
+    /// If the command failed, or printed anything else on stdout.
     pub fn json(&self) -> Value {
         assert_eq!(self.code, Some(0), "{}", self.err);
         assert_eq!(self.out.trim_end().lines().count(), 1, "{}", self.out);
         serde_json::from_str(&self.out).expect("JSON")
     }
 
-    /// As [`Self::json`], with nothing on stderr.
+    /// Like [`Self::json`], but also checks that stderr is empty.
     ///
     /// # Panics
-    /// If it printed anything on stderr.
+    /// If stderr is not empty, or as for [`Self::json`].
     pub fn only_json(&self) -> Value {
         assert_eq!(self.err, "", "no bar and no warning");
         self.json()
     }
 
-    /// Checks that it exited with this code, printed no result, and reported an error in one line
-    /// that contains all these words. (Errors about flags have more lines.)
+    /// Checks that the command exited with this code, printed no result, and reported an error in
+    /// one line that contains all these words. (Errors about flags may have more lines.)
     ///
     /// # Panics
     /// If it did not.
@@ -95,11 +96,12 @@ pub async fn run(args: &[&str]) -> Said {
     sidestep(args).await.into()
 }
 
-/// Runs the command, sends it `signal` (`INT` or `TERM`) as soon as it handles that signal and
-/// `is_due` holds, and returns its output.
+/// Runs the command, and sends it `signal` (`INT` or `TERM`) as soon as it handles this signal and
+/// `is_due` returns true. Returns the output.
 ///
 /// # Panics
-/// If the command cannot be run, exits before the signal, or does not exit within a minute of it.
+/// If the command cannot be run, exits before the signal, or does not exit within five minutes
+/// after the signal.
 #[cfg(unix)]
 pub async fn interrupted(args: &[&str], signal: &str, is_due: impl Fn() -> bool) -> Output {
     let mut command = Command::new(binary());
@@ -118,7 +120,7 @@ pub async fn interrupted(args: &[&str], signal: &str, is_due: impl Fn() -> bool)
     output.expect("it ends").expect("its output")
 }
 
-/// Whether a process has a handler for the signal, according to Linux.
+/// Whether a process handles the signal, according to Linux.
 #[cfg(unix)]
 fn catches(process: u32, signal: &str) -> bool {
     let number = match signal {
@@ -132,13 +134,13 @@ fn catches(process: u32, signal: &str) -> bool {
     mask.is_some_and(|mask| mask >> (number - 1) & 1 == 1)
 }
 
-/// `sidestep serve` as a process; killed when dropped.
+/// `sidestep serve` as a process. Dropping it kills the process.
 pub struct Process {
-    /// Its output when it was ready.
+    /// The lines that it had printed when it was ready.
     pub announcement: Vec<String>,
     address: Address,
     child: Child,
-    // Kept open: a server without stdout could not print.
+    // Kept open, because the server could not print to a closed stdout.
     stdout: Lines<BufReader<ChildStdout>>,
 }
 
@@ -151,7 +153,8 @@ impl Deref for Process {
 }
 
 impl Process {
-    /// Starts with the database `sidestep.db` in `folder`. Its log is in the file `log`.
+    /// Starts a server with the database `sidestep.db` in `folder`. Its log is the file `log` in
+    /// `folder`.
     ///
     /// # Panics
     /// If it does not become ready.
@@ -159,8 +162,8 @@ impl Process {
         Self::start_through(&["env"], folder, &folder.database("sidestep.db")).await
     }
 
-    /// As [`Self::start`], with another database, and through another program that runs the command
-    /// passed to it.
+    /// Like [`Self::start`], but with another database, and started by another program, which runs
+    /// its arguments as a command.
     ///
     /// # Panics
     /// If it does not become ready.
@@ -168,7 +171,7 @@ impl Process {
         Self::launch(launcher, folder, &["--database", database]).await
     }
 
-    /// As [`Self::start`], with the demonstration.
+    /// Like [`Self::start`], but with the demonstration.
     ///
     /// # Panics
     /// If it does not become ready.
@@ -177,7 +180,7 @@ impl Process {
         Self::launch(&["env"], folder, &["--demo", "--database", &database]).await
     }
 
-    /// As [`Self::start`], with a database of any kind.
+    /// Like [`Self::start`], but with this SQLite or PostgreSQL database.
     ///
     /// # Panics
     /// If it does not become ready.
@@ -186,7 +189,7 @@ impl Process {
         started.unwrap_or_else(|log| panic!("a server that becomes ready: {log}"))
     }
 
-    /// As [`Self::start_on`], with further arguments.
+    /// Like [`Self::start_on`], but with further arguments.
     ///
     /// # Panics
     /// If it does not become ready.
@@ -194,10 +197,10 @@ impl Process {
         Self::launch(&["env"], folder, &[&["--database", &database.url()], args].concat()).await
     }
 
-    /// As [`Self::start_on`]; returns its log if it exited instead of becoming ready.
+    /// Like [`Self::start_on`], but returns an error if the server exits before it is ready.
     ///
     /// # Errors
-    /// The log.
+    /// The server's log.
     pub async fn try_start_on(folder: &Folder, database: &Database) -> Result<Self, String> {
         Self::try_launch(&["env"], folder, &["--database", &database.url()]).await
     }
@@ -217,7 +220,7 @@ impl Process {
             .arg(&site)
             .args(args)
             .env_remove("SIDESTEP_ADMIN_KEY")
-            // As for users: one log line per request.
+            // The default, as for users: one log line per request.
             .env_remove("RUST_LOG")
             .stdout(Stdio::piped())
             .stderr(std::fs::File::create(folder.path("log")).expect("a log"))
@@ -248,10 +251,10 @@ impl Process {
         self.child.id().expect("a running process")
     }
 
-    /// The experimenter's key, which is created on the first start; read from its output.
+    /// The experimenter's key, which the server creates and prints at its first start.
     ///
     /// # Panics
-    /// If it prints none.
+    /// If the server prints no key.
     pub async fn key(&mut self) -> String {
         loop {
             if let Some((_, key)) = self.says().await.split_once("#key=") {
@@ -260,18 +263,18 @@ impl Process {
         }
     }
 
-    /// The next line of its output.
+    /// The next line of stdout.
     ///
     /// # Panics
-    /// If there is none.
+    /// If stdout ends.
     pub async fn says(&mut self) -> String {
         self.stdout.next_line().await.expect("a line").expect("a running server")
     }
 
-    /// Sends SIGTERM, like a service manager, and waits until it has exited.
+    /// Sends SIGTERM, as a service manager does, and waits until the process has exited.
     ///
     /// # Panics
-    /// If it does not exit.
+    /// If the signal cannot be sent.
     pub async fn stop(mut self) {
         let id = self.id().to_string();
         let sent = Command::new("kill").args(["-TERM", &id]).status().await;
@@ -279,7 +282,7 @@ impl Process {
         self.child.wait().await.expect("an end");
     }
 
-    /// Sends SIGKILL, like a power cut or an operator's last resort.
+    /// Sends SIGKILL, which ends the process as abruptly as a power cut.
     ///
     /// # Panics
     /// If it cannot be killed.

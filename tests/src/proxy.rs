@@ -1,4 +1,4 @@
-//! A network that can be cut: a proxy between a browser and a server.
+//! A proxy between a browser and a server that can cut connections.
 
 use std::sync::{Arc, Mutex};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -8,18 +8,18 @@ use tokio::task::JoinHandle;
 /// Point at which a connection is cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cut {
-    /// Before any of the request is forwarded.
+    /// Before any part of the request is forwarded.
     Before,
-    /// After half of the request's first packet is forwarded.
+    /// After half of the request's first packet has been forwarded.
     During,
-    /// After the server has responded; none of the response arrives.
+    /// After the server has responded. No part of the response is forwarded.
     After,
 }
 
-/// The current fault: connections with a request whose text contains these words are cut.
+/// The current fault: where to cut, and the text that marks the requests to cut.
 type Fault = Arc<Mutex<Option<(Cut, &'static str)>>>;
 
-/// A proxy; dropping it ends it.
+/// A proxy. Dropping it ends the proxy.
 pub struct Proxy {
     /// `http://127.0.0.1:PORT`.
     pub origin: String,
@@ -34,7 +34,7 @@ impl Drop for Proxy {
 }
 
 impl Proxy {
-    /// A proxy of the server at this origin.
+    /// Starts a proxy for the server at this origin.
     ///
     /// # Panics
     /// If there is no free port.
@@ -48,7 +48,7 @@ impl Proxy {
             while let Ok((browser, _)) = listener.accept().await {
                 let (server, fault) = (server.clone(), Arc::clone(&present));
                 tokio::spawn(async move {
-                    // Broken connections are the purpose of this proxy.
+                    // Errors are ignored, because this proxy breaks connections on purpose.
                     let _ = relay(browser, &server, &fault).await;
                 });
             }
@@ -56,7 +56,7 @@ impl Proxy {
         Self { origin, fault, accepting }
     }
 
-    /// Cuts connections with a request whose text contains these words from now on.
+    /// From now on, cuts every connection on which a request contains this text.
     ///
     /// # Panics
     /// If a connection panicked.

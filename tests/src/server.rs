@@ -1,4 +1,4 @@
-//! A server in the test's process, as a browser or a script sees it.
+//! A server in the test's process, accessed over HTTP.
 
 use crate::behind::new_postgres_database;
 use crate::process::binary;
@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// A short study: five scenes.
+/// A short study with five scenes.
 pub const SHORT_STUDY: &str = r#"
 title = "Short"
 phases = [
@@ -23,8 +23,8 @@ phases = [
 ]
 "#;
 
-/// A study with a robot that turns more slowly than the human: the games have no closed form. Both
-/// have the same speed, so that neither can be caught from everywhere.
+/// A study with a robot that turns more slowly than the human, so the games have no closed form.
+/// Human and robot have the same speed, so that neither can be caught from everywhere.
 pub const UNEQUAL_STUDY: &str = r#"
 title = "Unequal"
 phases = [{ phase = "task", scenes = 7 }]
@@ -32,7 +32,7 @@ phases = [{ phase = "task", scenes = 7 }]
 turn_rate_radps = 0.35
 "#;
 
-/// A running server with its own folder.
+/// A running server with its own temporary folder.
 pub struct Server {
     /// The experimenter's key.
     pub key: String,
@@ -42,7 +42,7 @@ pub struct Server {
     running: Running,
 }
 
-/// A stopped server, with its database and its address.
+/// A stopped server. It keeps its folder and its address.
 pub struct Stopped {
     folder: TempDir,
     args: ServeArgs,
@@ -63,12 +63,13 @@ impl Server {
         Self::with_study("").await
     }
 
-    /// With a study file based on the paper's study, and a site of placeholder files.
+    /// Starts a server with a study file based on the paper's study, and with a site of placeholder
+    /// files.
     pub async fn with_study(study: &str) -> Self {
         Self::with_study_and(study, |_| ()).await
     }
 
-    /// As [`Self::with_study`], with other arguments.
+    /// Like [`Self::with_study`], but with changed arguments.
     pub async fn with_study_and(study: &str, change: fn(&mut ServeArgs)) -> Self {
         let folder = TempDir::new().expect("a folder");
         let site = folder.path().join("site");
@@ -76,26 +77,26 @@ impl Server {
         Self::first(folder, study, site, change).await
     }
 
-    /// As [`Self::with_study`], in a folder of the caller.
+    /// Like [`Self::with_study`], but in a given folder.
     pub async fn within(folder: TempDir, study: &str) -> Self {
         let site = folder.path().join("site");
         write_site(&site);
         Self::first(folder, study, site, |_| ()).await
     }
 
-    /// With a study file based on the paper's study, and the real site: the one beside the
-    /// `sidestep` command.
+    /// Starts a server with a study file based on the paper's study, and with the real site, which
+    /// is beside the `sidestep` command.
     pub async fn with_client(study: &str) -> Self {
         Self::with_client_and(study, |_| ()).await
     }
 
-    /// As [`Self::with_client`], with other arguments.
+    /// Like [`Self::with_client`], but with changed arguments.
     pub async fn with_client_and(study: &str, change: fn(&mut ServeArgs)) -> Self {
         let site = binary().with_file_name("site");
         Self::first(TempDir::new().expect("a folder"), study, site, change).await
     }
 
-    /// As [`Self::with_study`], with the language files in a folder.
+    /// Like [`Self::with_study`], but with language files in a folder.
     pub async fn with_files(study: &str, languages: &Path) -> Self {
         let folder = TempDir::new().expect("a folder");
         let site = folder.path().join("site");
@@ -105,7 +106,7 @@ impl Server {
         Stopped { folder, args, key: String::new() }.start_with(None, |_| ()).await
     }
 
-    /// As [`Self::with_study`], on a copy of a database.
+    /// Like [`Self::with_study`], but on a copy of a database file.
     pub async fn with_database(study: &str, database: &Path) -> Self {
         let folder = TempDir::new().expect("a folder");
         let site = folder.path().join("site");
@@ -114,7 +115,8 @@ impl Server {
         Self::on_file(folder, study, site, |_| ()).await
     }
 
-    /// As [`Self::with_study`], always on an SQLite file: for tests of faults that only files have.
+    /// Like [`Self::with_study`], but always on a SQLite file. For tests of faults that only files
+    /// have.
     pub async fn on_a_file(study: &str) -> Self {
         let folder = TempDir::new().expect("a folder");
         let site = folder.path().join("site");
@@ -122,7 +124,7 @@ impl Server {
         Self::on_file(folder, study, site, |_| ()).await
     }
 
-    /// On the database at this address, with a study file if given.
+    /// Starts a server on the database at this address, with a study file if given.
     pub async fn on(database: String, study: Option<&str>) -> Self {
         let folder = TempDir::new().expect("a folder");
         let site = folder.path().join("site");
@@ -133,7 +135,7 @@ impl Server {
         Stopped { folder, args, key: String::new() }.start_with(None, |_| ()).await
     }
 
-    /// Another server on the same database.
+    /// Starts another server on the same database.
     pub async fn beside(&self) -> Self {
         let folder = TempDir::new().expect("a folder");
         let site = folder.path().join("site");
@@ -185,60 +187,60 @@ impl Server {
         Stopped { folder: self.folder, args, key: self.key }
     }
 
-    /// Stops the server and restarts it on the same database.
+    /// Stops the server and restarts it on the same database at the same address.
     pub async fn restarted(self) -> Self {
         self.stop().await.start().await
     }
 
-    /// As [`Self::restarted`], with a key from the environment or other arguments.
+    /// Like [`Self::restarted`], but with a key from the environment or with changed arguments.
     pub async fn restarted_with(self, key: Option<&str>, change: fn(&mut ServeArgs)) -> Self {
         self.stop().await.start_with(key, change).await
     }
 
-    /// Stops the server and restarts it with another study file, which replaces a study of the same
-    /// name.
+    /// Stops the server and restarts it with another study file, which replaces a study with the
+    /// same slug.
     pub async fn restarted_with_study(self, study: &str) -> Self {
         let stopped = self.stop().await;
         stopped.write_study(study);
         stopped.start_with(None, |args| args.replace_study = true).await
     }
 
-    /// Its output when it was ready.
+    /// The text that it printed when it was ready.
     #[must_use]
     pub fn announcement(&self) -> String {
         self.running.announcement()
     }
 
-    /// The database's address for commands.
+    /// The address of the database, for commands.
     #[must_use]
     pub fn database(&self) -> String {
         self.args.database.clone()
     }
 
-    /// A path in the server's own folder.
+    /// A path in the server's folder.
     #[must_use]
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
-    /// `GET` with the experimenter's key.
+    /// Sends a `GET` request with the experimenter's key, and returns the answer.
     pub async fn admin(&self, route: &str) -> Answer {
         let request = self.request(Method::GET, route).bearer_auth(&self.key);
         Answer::of(request).await
     }
 
-    /// The study's export.
+    /// The export of a study.
     ///
     /// # Panics
-    /// If there is none.
+    /// If the server does not return it.
     pub async fn export(&self, slug: &str) -> String {
         self.admin_text(&routes::exports(slug)).await
     }
 
-    /// A file, with the experimenter's key.
+    /// Fetches a text file with the experimenter's key.
     ///
     /// # Panics
-    /// If there is none.
+    /// If the server does not return it.
     pub async fn admin_text(&self, route: &str) -> String {
         let request = self.request(Method::GET, route);
         let response = request.bearer_auth(&self.key).send().await.expect("an answer");
@@ -248,7 +250,7 @@ impl Server {
 }
 
 impl Stopped {
-    /// A path in the server's own folder.
+    /// A path in the server's folder.
     #[must_use]
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
@@ -265,17 +267,17 @@ impl Stopped {
     /// Restarts the server at its previous address.
     ///
     /// # Panics
-    /// If it shows its key a second time.
+    /// If it prints a new key.
     pub async fn start(self) -> Server {
         let server = self.start_with(None, |_| ()).await;
         assert_eq!(server.running.new_key, None, "the key is shown once");
         server
     }
 
-    /// As [`Self::start`], with a key from the environment or other arguments.
+    /// Like [`Self::start`], but with a key from the environment or with changed arguments.
     ///
     /// # Panics
-    /// If the server does not start, for example without a built client.
+    /// If the server does not start, for example because the client has not been built.
     pub async fn start_with(
         mut self,
         key: Option<&str>,
@@ -295,8 +297,8 @@ impl Stopped {
     }
 }
 
-/// The arguments of a server in `folder` with a study file. A study without a slug gets the slug
-/// `default`.
+/// The arguments of a server in `folder`, with this study file. Its slug is `default` unless the
+/// file has one.
 async fn arguments(folder: &Path, study: &str, site: PathBuf) -> ServeArgs {
     let file = folder.join("study.toml");
     std::fs::write(&file, with_slug(study)).expect("a study file");
@@ -327,25 +329,26 @@ async fn arguments(folder: &Path, study: &str, site: PathBuf) -> ServeArgs {
             memory_mib: 2048,
             hours: 24.0,
             program: Some(binary().to_owned()),
-            // Tests wait for analyses while others occupy all processors.
+            // The default lowers the priority of analyses. Here, tests wait for analyses while
+            // other tests occupy all processors.
             nice: 0,
         },
     }
 }
 
-/// A study file with a slug: its own, or `default`.
+/// A study file with a slug. Adds the slug `default` if the file has none.
 #[must_use]
 pub fn with_slug(study: &str) -> String {
     let has_one = study.lines().any(|line| line.starts_with("slug"));
     if has_one { study.to_owned() } else { format!("slug = \"default\"\n{study}") }
 }
 
-/// The address of the database in a folder.
+/// The address of the SQLite database in a folder.
 fn file_in(folder: &Path) -> String {
     format!("sqlite:{}", folder.join("sidestep.db").display())
 }
 
-/// A client bundle of placeholder files.
+/// Writes a client bundle of placeholder files.
 ///
 /// # Panics
 /// If it cannot be written.

@@ -1,4 +1,4 @@
-//! SQLite files, opened in parallel with the server that uses them.
+//! Access to SQLite files while a server uses them.
 
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection, SqliteRow};
 use sqlx::{ConnectOptions, Connection, Row, TypeInfo, ValueRef};
@@ -10,7 +10,7 @@ use std::time::Duration;
 pub enum Cell {
     /// NULL.
     Null,
-    /// An integer, or on PostgreSQL a boolean: 0 or 1.
+    /// An integer. From PostgreSQL, also a boolean as 0 or 1.
     Integer(i64),
     /// A floating-point number.
     Real(f64),
@@ -20,20 +20,21 @@ pub enum Cell {
     Bytes(Vec<u8>),
 }
 
-/// Opens an existing file. A caller that accesses the file afterwards must close the connection:
-/// SQLite closes it in a thread, and dropping the connection does not wait for that.
+/// Opens an existing file. A caller that accesses the file afterwards must close the connection,
+/// because SQLite closes a file in another thread, and dropping the connection does not wait for
+/// this.
 ///
 /// # Errors
-/// If there is no such file.
+/// If the file does not exist.
 pub async fn open(file: &Path) -> sqlx::Result<SqliteConnection> {
     let options = SqliteConnectOptions::new().filename(file);
     options.busy_timeout(Duration::from_secs(10)).connect().await
 }
 
-/// Applies `talk` to a file, and closes it afterwards.
+/// Applies `talk` to a connection to a file, and then closes the connection.
 ///
 /// # Errors
-/// If there is no such file, or `talk` fails.
+/// If the file does not exist, or `talk` fails.
 pub async fn with<T>(
     file: &Path,
     talk: impl AsyncFnOnce(&mut SqliteConnection) -> sqlx::Result<T>,
@@ -57,7 +58,7 @@ fn cell(row: &SqliteRow, at: usize) -> sqlx::Result<Cell> {
     if value.is_null() {
         return Ok(Cell::Null);
     }
-    // The type of the value itself, whatever the declared type of the column.
+    // The type of the value itself, which may differ from the declared type of the column.
     Ok(match value.type_info().name() {
         "INTEGER" => Cell::Integer(row.try_get(at)?),
         "REAL" => Cell::Real(row.try_get(at)?),

@@ -1,4 +1,4 @@
-//! Forbidden dependencies, and promises of the documents.
+//! Forbidden dependencies between packages and modules, and promises of the documents.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
 #[path = "architecture/source.rs"]
@@ -19,7 +19,7 @@ fn read(path: impl AsRef<Path>) -> String {
     fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// Files below a folder with this extension, as paths from the root.
+/// Files with this extension in a folder and its subfolders, as paths from the root.
 fn files(folder: &str, ending: &str) -> Vec<String> {
     let mut found = Vec::new();
     let mut folders = vec![root().join(folder)];
@@ -40,7 +40,7 @@ fn files(folder: &str, ending: &str) -> Vec<String> {
     found
 }
 
-/// Asserts that no path in the code below `folder` contains one of `words`.
+/// Asserts that no path in the code in `folder` contains one of `words`.
 fn never(folder: &str, words: &[&str], except: impl Fn(&str) -> bool) {
     for path in files(folder, ".rs").into_iter().filter(|path| !except(path)) {
         let source = Source::new(&read(&path));
@@ -52,7 +52,7 @@ fn never(folder: &str, words: &[&str], except: impl Fn(&str) -> bool) {
     }
 }
 
-/// Names in a manifest's `[dependencies]`, including those of single targets.
+/// Names in a manifest's `[dependencies]` tables, including tables for single targets.
 fn dependencies(manifest: &str) -> BTreeSet<String> {
     let manifest: toml::Table = read(manifest).parse().unwrap();
     let targets = manifest.get("target").and_then(toml::Value::as_table);
@@ -129,8 +129,9 @@ fn the_python_package_is_the_library_alone() {
     }
 }
 
-/// What CONTRIBUTING says of a model that `analyze` trains: whatever else knows models by name would have to be found and
-/// changed for the next one. `Boosted` is not of the paper, so that nothing has a reason to name it.
+/// Checks a promise of CONTRIBUTING about adding a model to `analyze`: only these files name a
+/// model, so no other code has to be found and changed for a new model. `Boosted` is not in the
+/// paper, so no other code has a reason to name it.
 #[test]
 fn a_model_is_named_in_its_tables_alone() {
     let named = |path: &String| {
@@ -161,7 +162,7 @@ fn the_container_is_built_from_every_package() {
     let manifest: toml::Table = read("Cargo.toml").parse().unwrap();
     let packages = manifest["workspace"]["members"].as_array().unwrap();
     for package in packages.iter().map(|package| package.as_str().unwrap()) {
-        // Without any one of them, cargo builds nothing.
+        // Cargo does not build a workspace if one of its packages is missing.
         assert!(recipe.contains(&format!("\nCOPY {package} {package}\n")), "{package}");
     }
 }
@@ -225,7 +226,7 @@ fn documents_name_files_that_exist() {
             let path = link.split('#').next().unwrap();
             assert!(path.is_empty() || folder.join(path).exists(), "{document} links to {link}");
         }
-        // Paths in backquotes that begin with one of our folders.
+        // Paths in backquotes that begin with one of the project's folders.
         for name in text.split('`').skip(1).step_by(2) {
             let ours = [
                 "shared/",
@@ -246,7 +247,7 @@ fn documents_name_files_that_exist() {
     }
 }
 
-/// Lines of the `sh` blocks, without here-documents of `cat` up to a line `END`.
+/// The lines of the `sh` blocks, without here-documents for `cat`, which end with a line `END`.
 fn commands(document: &str) -> Vec<&str> {
     let blocks = document.split("```sh\n").skip(1).filter_map(|rest| rest.split("```").next());
     let mut lines = blocks.flat_map(str::lines);

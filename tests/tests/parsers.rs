@@ -1,5 +1,5 @@
-//! All stored fuzz inputs: seeds, inputs that reach new code, and former failures. Each must be
-//! parsed or refused (`cargo xtask fuzz` finds more).
+//! All stored fuzz inputs: seeds, inputs that reach new code, and inputs that once failed. Each
+//! input must be parsed or rejected (`cargo xtask fuzz` finds more inputs).
 
 #![allow(clippy::unwrap_used)]
 

@@ -1,10 +1,11 @@
-//! WebAssembly in a real browser computes the same as this machine, bit for bit, and its adapter
-//! delivers complete forms and moves elements without affecting their content.
+//! WebAssembly in a real browser computes the same results as this machine, bit for bit. The
+//! client's browser adapter delivers complete forms, and moves elements without changing their
+//! content.
 
 use sidestep::comparison::learning_fingerprints;
 use sidestep_tests::{Browser, Tab};
 
-/// The path of the page with the program `web-client/examples/fingerprint.rs`.
+/// Environment variable with the path of the page that runs `web-client/examples/fingerprint.rs`.
 const PAGE: &str = "SIDESTEP_FINGERPRINT_PAGE";
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -34,7 +35,7 @@ async fn forms_arrive_whole_and_rows_keep_what_is_in_them() {
     let tab = browser.open(&format!("file://{path}")).await;
     tab.until_says("said", "woken 2").await;
 
-    // Every kind of field.
+    // Fill in every kind of field.
     let fill = "(() => { \
         const at = name => document.querySelector(`[data-testid=\"${name}\"]`); \
         at('area').value = 'two\\nlines'; at('number').value = '2.5'; at('right').checked = true; \
@@ -57,12 +58,12 @@ async fn forms_arrive_whole_and_rows_keep_what_is_in_them() {
     );
     assert_eq!(tab.eval::<Vec<String>>(&kept).await, ["typed", "true", "1–3"]);
 
-    // Numbers keep every bit in a round trip through the browser's JSON.
+    // Numbers survive a round trip through the browser's JSON bit for bit.
     tab.press("numbers").await;
     tab.until_says("said", "lost").await;
     assert_eq!(tab.words("said").await, "lost []");
 
-    // Storage responds, also when it refuses.
+    // Storage reports its success and each kind of refusal.
     tab.press("keep").await;
     tab.until_says("said", "Ok(())").await;
     tab.run(

@@ -1,5 +1,5 @@
-//! A frame of a scene, and the steps in it, allocate no memory. The test counts allocations of the
-//! whole process, so it runs without the test harness and its threads.
+//! A frame of a scene, including the steps in it, allocates no memory. The test counts allocations
+//! of the whole process. Therefore it runs without the test harness and its threads.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
 use peak_alloc::PeakAlloc;
@@ -12,10 +12,10 @@ use sidestep_web::runtime::{Address, Answer, Event, Page, PageContext};
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
 
-/// Time between two frames, ms.
+/// Time between two frames (ms).
 const FRAME_MS: f64 = 1000.0 / 60.0;
 
-/// A page, its clock and its last picture.
+/// A page, its clock and the last picture that it drew.
 struct Screen {
     page: Participant,
     now_ms: f64,
@@ -24,7 +24,7 @@ struct Screen {
 
 impl Screen {
     fn tell(&mut self, message: Msg) {
-        // The messages that follow stand in for the browser's answers.
+        // The test sends the messages that would be the browser's responses.
         drop(self.page.update(message, self.now_ms));
     }
 
@@ -34,7 +34,7 @@ impl Screen {
         self.tell(message);
     }
 
-    /// Shows a frame. Returns whether more than the picture has changed.
+    /// Shows a frame. Returns whether anything but the picture has changed.
     fn frame(&mut self) -> bool {
         self.now_ms += FRAME_MS;
         let message = self.page.tick(self.now_ms);
@@ -95,7 +95,7 @@ fn begun() -> Screen {
 
 fn main() {
     let mut screen = begun();
-    // Shows some frames first, so that one-time allocations are done.
+    // Show some frames first, so that one-time allocations are done.
     while screen.step() < 2 {
         screen.frame();
         assert!(screen.now_ms < 20_000.0, "the scene does not start");

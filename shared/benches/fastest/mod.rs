@@ -13,14 +13,14 @@ pub(crate) struct Fastest(Vec<Sample>);
 
 struct Sample {
     name: &'static str,
-    /// Items per call: states, or 1 for a solve.
+    /// Number of items per call: states, or 1 for a solve.
     items: usize,
-    /// Time per call, s.
+    /// Time per call (s).
     seconds: f64,
 }
 
 impl Fastest {
-    /// Measures `work`, called `group/name`, under its name without the group's.
+    /// Measures `work`. Its name in the output is `name` without the prefix of its group.
     pub(crate) fn measure(
         &mut self,
         group: &mut BenchmarkGroup<'_, WallTime>,
@@ -41,7 +41,7 @@ impl Fastest {
                 took
             });
         });
-        // A filter on the command line may have skipped it.
+        // A filter on the command line may have skipped this measurement.
         if seconds.is_finite() {
             self.0.push(Sample { name, items, seconds });
         }
@@ -51,8 +51,9 @@ impl Fastest {
         self.0.iter().find(|sample| sample.name == name)
     }
 
-    /// Prints a table of all measurements, with `budgets` (the most that one item may take, s) and
-    /// `ratios` of measurements to baselines. More than 1 is faster than the baseline.
+    /// Prints a table of all measurements. `budgets` are the maximum times per item (s), and
+    /// `ratios` are pairs of a measurement and its baseline. A ratio above 1 is faster than the
+    /// baseline.
     pub(crate) fn print_ratios(&self, ratios: &[(&str, &str)], budgets: &[(&str, f64)]) {
         let head = ["fastest sample", "time", "budget", "baseline", "ratio"];
         println!(
@@ -81,7 +82,7 @@ impl Fastest {
 }
 
 impl Sample {
-    /// Time per item, s.
+    /// Time per item (s).
     fn each(&self) -> f64 {
         self.seconds / self.items as f64
     }

@@ -1,9 +1,9 @@
 //! The training rows of the reference's eight synthetic people, and the paper's feature sets.
 
-/// Columns of B_hrd.
+/// Number of columns of the feature set hrd.
 pub(crate) const WIDTH: usize = 8;
 
-/// Columns of the paper's seven feature sets: d, then with safety levels.
+/// Columns of the paper's seven feature sets: hrd, hr, hd, rd, h, r and d.
 pub(crate) const SETS: [&[usize]; 7] = [
     &[0, 1, 2, 3, 4, 5, 6, 7],
     &[0, 1, 2, 3, 4, 5, 6],
@@ -16,7 +16,7 @@ pub(crate) const SETS: [&[usize]; 7] = [
 
 pub(crate) const FOLDS: usize = 5;
 
-/// A person's training rows: values, fold, class in experiment I and II.
+/// A person's training rows: values, folds, and classes in experiments I and II.
 #[derive(Default)]
 pub(crate) struct Person {
     pub(crate) values: Vec<f64>,

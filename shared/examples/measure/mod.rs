@@ -12,17 +12,17 @@ use sidestep::reachability::{
 };
 use sidestep::vehicle::VehicleModel;
 
-/// *mitchell*: Mitchell, Bayen and Tomlin (2005).
+/// The game *mitchell*, from Mitchell, Bayen and Tomlin (2005).
 pub(crate) const MITCHELL: PursuitGame = {
     let vehicle = VehicleModel { speed_mps: 5.0, turn_rate_radps: 1.0 };
     PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 5.0 }
 };
-/// Horizon of the game that peers solve, s. Optimal play ends within π s.
+/// Horizon of the game that the peers solve (s). Optimal play ends within π s.
 pub(crate) const HORIZON_S: f64 = 2.8;
-/// Volume of {V ≤ 0} of the closed form, m²·rad.
+/// Volume of the closed form's set {V ≤ 0} (m²·rad).
 pub(crate) const VOLUME: f64 = 885.81943;
 
-/// The domain that peers solve on, with these numbers of nodes.
+/// The peers' domain, with these numbers of nodes.
 pub(crate) fn air3d_grid([x, y, psi]: [usize; 3]) -> Grid<3> {
     let axes = [
         Axis::bounded(-6.0, 20.0, x),
@@ -32,7 +32,7 @@ pub(crate) fn air3d_grid([x, y, psi]: [usize; 3]) -> Grid<3> {
     Grid { axes }
 }
 
-/// The tube after `horizon_s` s.
+/// Solves for the backward reachable tube with a horizon of `horizon_s` s.
 pub(crate) fn solve_over(
     grid: &Grid<3>,
     settings: &Settings,
@@ -43,20 +43,22 @@ pub(crate) fn solve_over(
     Ok(solve(&problem, settings, &mut |_| ControlFlow::Continue(()))?)
 }
 
-/// Error of a set {V ≤ 0} on nodes against the closed form's.
+/// Error of a set {V ≤ 0} on a grid, compared with the closed form.
 #[derive(Serialize)]
 pub(crate) struct Accuracy {
-    /// Mean of |V| of the closed form at the zeros along the grid's lines of x and of y,
-    /// in spacings of x. ∂V/∂(x, y) is a unit vector, so |V| is about a distance.
+    /// At the zero crossings along the grid lines of x and of y: the mean of the closed form's |V|,
+    /// in units of the spacing of x. The gradient ∂V/∂(x, y) is a unit vector, so |V| is
+    /// approximately a distance.
     pub(crate) mean_dx: f64,
-    /// The largest of these.
+    /// The maximum of this |V|, in the same units.
     pub(crate) max_dx: f64,
-    /// Volume of the set ([`SampledValue::volume`]), in percent more than the closed form's.
+    /// Volume of the set ([`SampledValue::volume`]) relative to the closed form's volume (percent
+    /// more).
     pub(crate) volume_percent: f64,
 }
 
 impl Accuracy {
-    /// Traces the zero level of every slice of equal ψ, cell by cell.
+    /// Finds the zero crossings in every slice of equal ψ, cell by cell.
     pub(crate) fn new(exact: &ExactValue, grid: &Grid<3>, values: &[f32]) -> Result<Self, Invalid> {
         let [x, y, psi] = grid.axes;
         let value =

@@ -1,4 +1,4 @@
-//! The solver on a rectangular grid: air3D, and the order of each scheme.
+//! The solver on rectangular grids: air3D, and the order of convergence of each scheme.
 
 use core::f64::consts::LN_2;
 use std::error::Error;
@@ -15,18 +15,18 @@ mod steepening;
 use self::steepening::{SECONDS, Steepening, exact};
 use crate::measure::{self, Accuracy, HORIZON_S, MITCHELL};
 
-/// The schemes, with their names on the page.
+/// The schemes, and their names on the page.
 const SCHEMES: [(&str, Scheme); 4] = [
     ("upwind", Scheme::Upwind),
     ("ENO2", Scheme::Eno2),
     ("ENO3", Scheme::Eno3),
     ("WENO5", Scheme::Weno5),
 ];
-/// The name, among the schemes, of the closed form's values on the nodes.
+/// Name under which the closed form's values on the nodes are listed among the schemes.
 pub(crate) const EXACT: &str = "closed form";
-/// 25, 50, 75 and 100 spacings along x, the same lengths along y.
+/// 25, 50, 75 and 100 intervals along x, and intervals of the same length along y.
 const GRIDS: [[usize; 3]; 4] = [[26, 20, 25], [51, 40, 50], [76, 59, 75], [101, 79, 100]];
-/// Nodes of the smooth problem.
+/// Numbers of nodes for the smooth problem.
 const NODES: [usize; 5] = [80, 160, 320, 640, 1280];
 
 /// The results.
@@ -34,34 +34,35 @@ const NODES: [usize; 5] = [80, 160, 320, 640, 1280];
 pub(crate) struct Check {
     horizon_s: f64,
     pub(crate) air3d: Vec<Air3d>,
-    /// WENO5 on 51×40×50 nodes: volume in percent more than the closed form's, solved for the
-    /// horizon, and for π s.
+    /// For WENO5 on 51×40×50 nodes: by how many percent the volume exceeds the closed form's, after
+    /// the horizon and after π s.
     converged: [f64; 2],
     pub(crate) orders: Vec<Order>,
 }
 
-/// One solve of air3D, or the closed form on the same nodes, measured in the same way.
+/// One solve of air3D, or the closed form's values on the same nodes, measured in the same way.
 #[derive(Serialize)]
 pub(crate) struct Air3d {
     pub(crate) scheme: &'static str,
     nodes: [usize; 3],
     pub(crate) dx_m: f64,
-    /// Absent for the closed form, as are the steps.
+    /// `None` for the closed form, like `steps`.
     cfl: Option<f64>,
     steps: Option<usize>,
     pub(crate) accuracy: Accuracy,
 }
 
-/// Errors of a scheme on successively finer grids.
+/// Errors of a scheme on grids of increasing resolution.
 #[derive(Serialize)]
 pub(crate) struct Order {
     pub(crate) scheme: &'static str,
-    /// Fraction of the largest stable step; `advised` if it is the library's default.
+    /// CFL number of the time step. `advised` is true if it is the library's default for the
+    /// scheme.
     cfl: f64,
     pub(crate) advised: bool,
-    /// Spacing, rad, and mean error.
+    /// Spacing (rad) and mean error on each grid.
     pub(crate) errors: Vec<(f64, f64)>,
-    /// log₂ of the ratio of the errors of neighbouring grids.
+    /// Observed orders: log₂ of the ratio of the errors on consecutive grids.
     orders: Vec<f64>,
 }
 
@@ -102,7 +103,7 @@ pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
     Ok(Check { horizon_s: HORIZON_S, air3d, converged, orders })
 }
 
-/// Mean errors of the smooth problem on successively finer grids.
+/// Mean errors of the smooth problem on grids of increasing resolution.
 fn order(name: &'static str, scheme: Scheme, cfl: f64) -> Result<Order, Box<dyn Error>> {
     let target = |[x]: [f64; 1]| cos(x);
     let mut errors: Vec<(f64, f64)> = Vec::new();

@@ -1,4 +1,4 @@
-//! Checks the closed form against the equation that it must solve and against an independent
+//! Checks the closed form against the equation that it must satisfy, and against an independent
 //! reference.
 
 use std::error::Error;
@@ -45,22 +45,22 @@ pub(crate) fn check(known: &Known) -> Result<Value, Box<dyn Error>> {
     Ok(json!({
         "game": known.name,
         "parameters": game,
-        // |min(r − R − V, H)|, m or m/s: once with the closed form's gradient, once with central
-        // differences of V.
+        // |min(r − R − V, H)|, in m or m/s, once with the closed form's gradient and once with
+        // central differences of V.
         "residual": Errors::of(residual),
         "residual_of_differences": Errors::of(differences),
-        // States with V < r − R, where the equation is H = 0.
+        // Number of states with V < r − R, where the equation is H = 0.
         "closing": closing,
-        // |V| at points of the reference's barrier; errors at its states.
+        // |V| at points on the reference's barrier, and errors at the reference's states.
         "barrier": Errors::of(barrier),
         "states": Errors::of(states),
-        // Of {V ≤ 0}, m²·rad.
+        // Volume of {V ≤ 0} (m²·rad).
         "volume": volume(&exact),
         "reference_volume": known.volume,
     }))
 }
 
-/// H(x, p): the evader's turn maximises, the pursuer's minimises.
+/// The Hamiltonian H(x, p). The evader's turn rate maximises, and the pursuer's minimises.
 fn hamiltonian(game: &PursuitGame, [x, y, psi]: [f64; 3], [p1, p2, p3]: [f64; 3]) -> f64 {
     let (sin, cos) = sin_cos(psi);
     let speed = game.pursuer.speed_mps;
@@ -70,8 +70,8 @@ fn hamiltonian(game: &PursuitGame, [x, y, psi]: [f64; 3], [p1, p2, p3]: [f64; 3]
         - game.pursuer.turn_rate_radps * p3.abs()
 }
 
-/// ∭ dx dy dψ over {V ≤ 0}: ∫∫ ½ r² over bearing and heading, since every ray from the
-/// evader leaves the set once. Headings above π are mirror images.
+/// The volume ∭ dx dy dψ of {V ≤ 0}. Every ray from the evader leaves the set once, so the volume
+/// is ∫∫ ½ r² over bearing and heading. Headings above π follow by mirror symmetry.
 fn volume(exact: &ExactValue) -> f64 {
     const BEARINGS: usize = 512;
     const HEADINGS: usize = 256;

@@ -1,9 +1,9 @@
-//! Summary statistics of errors, and the states at which they are measured.
+//! Summary statistics of errors, and states at which errors are measured.
 
 use serde::Serialize;
 use sidestep::math::{PI, SeededRng, sin_cos};
 
-/// Quantiles and maximum of errors.
+/// Number, quantiles and maximum of errors.
 #[derive(Clone, Serialize)]
 pub(crate) struct Errors {
     pub(crate) count: usize,
@@ -14,7 +14,7 @@ pub(crate) struct Errors {
 }
 
 impl Errors {
-    /// The quantiles of a non-empty list.
+    /// The statistics of a non-empty list.
     pub(crate) fn of(mut errors: Vec<f64>) -> Self {
         errors.sort_by(f64::total_cmp);
         let quantile = |share: f64| errors[((errors.len() - 1) as f64 * share) as usize];
@@ -23,7 +23,7 @@ impl Errors {
     }
 }
 
-/// Poses of the pursuer with uniform range, bearing and heading.
+/// Poses of the pursuer with uniformly distributed range, bearing and heading.
 pub(crate) fn random_states(seed: u64, count: usize, range_m: f64) -> Vec<[f64; 3]> {
     let mut rng = SeededRng::new(seed);
     let mut state = || {

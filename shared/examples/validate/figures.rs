@@ -1,4 +1,4 @@
-//! The pictures of the page, as SVG on white: legible on light and dark pages.
+//! The figures of the page, as SVG on a white background, which is legible on light and dark pages.
 
 use sidestep::chart::{
     Align, Area, Axis, Cells, Chart, Colour, Drawing, Frame, Ink, Mark, Note, Pen, Point, Series,
@@ -14,9 +14,9 @@ const ORANGE: Colour = colours::SERIES[1];
 const GREEN: Colour = colours::SERIES[2];
 const PURPLE: Colour = colours::SERIES[3];
 
-/// {V = 0} in the evader's frame: whole, and enlarged around its farthest point.
+/// {V = 0} in the evader's frame: the whole curves, and an enlargement around the tip.
 pub(crate) fn sliced(slices: &[Slice]) -> Drawing {
-    // The first curve is drawn under the others and wide enough to show on both sides of them.
+    // The first curve is drawn below the others, and is wide enough to show on both sides of them.
     let curves = [
         ("closed form", Pen::new(Colour::rgb([176, 196, 214]), 5.0)),
         ("Cartesian solver, WENO5, 51×40×50", Pen::new(BLUE, 1.5)),
@@ -39,7 +39,7 @@ pub(crate) fn sliced(slices: &[Slice]) -> Drawing {
         let mut whole = Chart::new(&title, "", x, y);
         add(&mut whole);
         whole.add(Note::sign(Sign::Vehicle(0.0, 14.0), [0.0, 0.0], colours::TEXT));
-        // 2.6 m × 2 m around the tip; the whole is 26 m × 20 m.
+        // The enlargement shows 2.6 m × 2 m around the tip, and the whole picture 26 m × 20 m.
         let [tip_x, tip_y] = slice.tip.map(|at| (at * 10.0).round() / 10.0);
         let (wide, high) = ([tip_x - 1.9, tip_x + 0.7], [tip_y - 1.0, tip_y + 1.0]);
         let points =
@@ -61,7 +61,7 @@ pub(crate) fn sliced(slices: &[Slice]) -> Drawing {
     drawing
 }
 
-/// The share of states whose error exceeds a threshold, against that threshold.
+/// The share of states whose error exceeds a threshold, as a function of the threshold.
 pub(crate) fn exceedance(checks: &[polar::Check]) -> Drawing {
     let errors = [(1e-4, "0.1 mm"), (1e-3, "1 mm"), (1e-2, "1 cm"), (1e-1, "10 cm"), (1.0, "1 m")];
     let labels = errors.map(|(at, label)| (at, label.to_owned())).into();
@@ -83,7 +83,7 @@ pub(crate) fn exceedance(checks: &[polar::Check]) -> Drawing {
     drawing
 }
 
-/// The colour of errors above each level, m.
+/// Lower bound of each error level (m), and the colour of the level.
 const LEVELS: [(f64, [u8; 3]); 7] = [
     (0.0, [247, 246, 242]),
     (0.001, [253, 226, 182]),
@@ -99,7 +99,7 @@ pub(crate) fn error_map(map: &ErrorMap) -> Drawing {
     let x = Axis::linear("x ahead", "m", [-6.0, 15.0], 12);
     let y = Axis::linear("y to the left", "m", [-8.0, 8.0], 8);
     let mut chart = Chart::new("", "", x, y);
-    // Each level is drawn over the one before, so that no white shows between neighbours.
+    // Each level is drawn over the previous one, so that no white gaps show between neighbours.
     for (level, colour) in LEVELS {
         let corner = |origin: f64, i: usize| origin + map.cell_m * (i as f64 - 0.5);
         let cell = |[row, from, to]: [usize; 3]| {
@@ -131,7 +131,8 @@ pub(crate) fn error_map(map: &ErrorMap) -> Drawing {
     drawing
 }
 
-/// Row, first column and end column (exclusive) of each run of errors of at least `level`.
+/// The row, the first column and the end column (exclusive) of each run of errors of at least
+/// `level`.
 fn runs(rows: &[Vec<f64>], level: f64) -> Vec<[usize; 3]> {
     let mut runs = Vec::new();
     for (j, row) in rows.iter().enumerate() {
@@ -146,7 +147,7 @@ fn runs(rows: &[Vec<f64>], level: f64) -> Vec<[usize; 3]> {
     runs
 }
 
-/// Error against spacing, scheme by scheme: where V is smooth, and in air3D.
+/// Error against spacing for each scheme, in a smooth problem and in air3D.
 pub(crate) fn convergence(check: &cartesian::Check) -> Drawing {
     const SCHEMES: [(&str, Colour, Mark); 4] = [
         ("upwind", ORANGE, Mark::Square),
@@ -176,7 +177,7 @@ pub(crate) fn convergence(check: &cartesian::Check) -> Drawing {
         smooth.add(Series::line(name, points, colour, 1.8).marked(mark));
         let points = centimetres(name);
         if let Some(first) = points.first() {
-            // Two lines end close to each other: their labels are moved apart.
+            // Two lines end close to each other, so their labels are moved apart.
             let below = match name {
                 "ENO3" => -5.0,
                 "WENO5" => 6.0,
@@ -203,7 +204,7 @@ pub(crate) fn convergence(check: &cartesian::Check) -> Drawing {
     drawing
 }
 
-/// A triangle that shows the slope of an order, from a point to `times` its spacing.
+/// A triangle that shows the slope of an order, from spacing `x` to `times` that spacing.
 fn add_slope(chart: &mut Chart, order: i32, [x, y]: Point, times: f64) {
     let (far, up) = (x * times, (0..order).fold(y, |up, _| up * times));
     let points = vec![[x, y], [far, y], [far, up]];

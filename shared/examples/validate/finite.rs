@@ -16,17 +16,18 @@ use crate::polar::{ACCURACIES, STATES, counts};
 use crate::unequal::{CARTESIAN, GAME, HORIZON_S};
 use crate::{MITCHELL, solved};
 
-/// A pursuer that is faster but turns worse. Its value has not converged at [`HORIZON_S`].
+/// A game in which the pursuer is faster but turns more slowly. Its value has not converged at
+/// [`HORIZON_S`].
 const FASTER: PursuitGame = PursuitGame {
     evader: VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.7 },
     pursuer: VehicleModel { speed_mps: 2.4, turn_rate_radps: 0.4 },
     radius_m: 2.5,
 };
-/// States of the unequal pair that differ from the reference by more than this are checked again,
-/// m.
+/// States of the unequal pair whose values differ from the reference by more than this (m) are
+/// checked again.
 const APART_M: f64 = 0.04;
 
-/// One accuracy of one game.
+/// Errors for one game at one accuracy.
 #[derive(Serialize)]
 struct Check {
     game: &'static str,
@@ -37,13 +38,14 @@ struct Check {
     errors: Errors,
 }
 
-/// Nodes of range and angle of the reference of [`FASTER`], and of a coarser solution that estimates its error.
+/// Numbers of nodes in range and angle: of the reference solution for [`FASTER`], and of a coarser
+/// solution that estimates the reference's error.
 const REFERENCE: [[usize; 2]; 2] = [[257, 704], [193, 528]];
-/// Number of states of the reference.
+/// Number of states in the reference.
 const REFERENCE_STATES: usize = 2000;
 
-/// Prints the reference of [`FASTER`]: states near {V = 0}, V on the finest grid, and its difference from a coarser
-/// one, m.
+/// Prints the reference for [`FASTER`]: states near {V = 0}, V on the finest grid, and its
+/// difference from V on a coarser grid (m).
 pub(crate) fn reference() -> Result<(), Box<dyn Error>> {
     let fine = Options::default().with_horizon(HORIZON_S).with_accuracy(Accuracy::Fine);
     let Nodes::Polar { range_m, .. } = solved(FASTER, &fine)?.samples.nodes() else {
@@ -70,7 +72,7 @@ pub(crate) fn reference() -> Result<(), Box<dyn Error>> {
 
 /// Measures finite horizons.
 pub(crate) fn check() -> Result<Value, Box<dyn Error>> {
-    // Long enough for the value to converge.
+    // The horizon is long enough for the value to converge.
     let horizon_s = 3.2;
     let exact = MITCHELL.exact()?;
     let states = random_states(3, STATES, 25.0).into_iter();
@@ -120,7 +122,8 @@ fn compared(game: &'static str, solutions: &[Solved], known: &States) -> Vec<Che
     ACCURACIES.into_iter().zip(solutions).map(of).collect()
 }
 
-/// The unequal pair on two rectangular grids and a fine polar one, at the states of the independent solution.
+/// The unequal pair on two rectangular grids and on a fine polar grid, at the states of the
+/// independent solution.
 fn apart() -> Result<Value, Box<dyn Error>> {
     let options = Options::default().with_horizon(HORIZON_S);
     let polar = solved(GAME, &options.with_accuracy(Accuracy::Fine))?;
@@ -129,7 +132,8 @@ fn apart() -> Result<Value, Box<dyn Error>> {
     let twice = CARTESIAN.map(|nodes| 2 * nodes);
     let finer = solved(GAME, &options.with_grid(grid(twice)))?;
     let (mut differences, mut within) = (Vec::new(), 0);
-    // The differences of both grids from the polar solution, at the states that are checked again.
+    // Differences of both rectangular grids from the polar solution, at the states that are checked
+    // again.
     let mut apart: Vec<[f64; 2]> = Vec::new();
     for row in numbers(include_str!("../../tests/data/states_unequal.csv"))? {
         let state = [row[0], row[1], row[2]];

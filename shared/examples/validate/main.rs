@@ -1,10 +1,11 @@
-//! Measures the accuracy of this library's value functions and prints one JSON object of numbers
-//! and pictures, from which `cargo xtask validate` makes `docs/validation/reachability.md`.
+//! Measures the accuracy of this library's value functions, and prints numbers and pictures as one
+//! JSON object. From this object `cargo xtask validate` makes `docs/validation/reachability.md`.
 //!
-//! With the argument `reference` it prints `shared/tests/data/states_faster.csv` instead, which takes an hour.
+//! With the argument `reference`, it prints `shared/tests/data/states_faster.csv` instead, which
+//! takes an hour.
 //!
-//! The output is reproducible: nothing is timed, and random states come from fixed seeds. Lengths
-//! without a unit are in metres.
+//! The output is reproducible, because nothing is timed and random states come from fixed seeds.
+//! Lengths without a unit are in metres.
 
 #![allow(clippy::print_stdout, reason = "its answer is what it prints")]
 
@@ -34,13 +35,14 @@ const PAPER: PursuitGame = {
     PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 3.0 }
 };
 
-/// Identical vehicles, for which there is a closed form.
+/// A game of identical vehicles, which has a closed form, and its reference data.
 struct Known {
     name: &'static str,
     game: PursuitGame,
-    /// Volume of {V ≤ 0} by the reference, m²·rad.
+    /// The reference's volume of {V ≤ 0} (m²·rad).
     volume: f64,
-    /// CSV of points on the reference's barrier; `states` is a CSV of its states with their values.
+    /// CSV of points on the reference's barrier. `states` is a CSV of states and the reference's
+    /// values.
     barrier: &'static str,
     states: &'static str,
 }
@@ -104,7 +106,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The solution of `game` with `options`.
+/// Solves `game` with `options`.
 fn solved(game: PursuitGame, options: &Options) -> Result<Solved, Box<dyn Error>> {
     Ok(solve(game, options, &mut |_| ControlFlow::Continue(()))?)
 }

@@ -1,4 +1,4 @@
-//! Data of the page's figures: curves and a map.
+//! Data for the page's figures: curves and a map.
 
 use std::error::Error;
 
@@ -10,33 +10,34 @@ use crate::errors::Errors;
 use crate::measure::{HORIZON_S, MITCHELL};
 use crate::{PAPER, solved};
 
-/// A closed curve in the evader's frame, m.
+/// A closed curve in the evader's frame (m).
 type Curve = Vec<[f64; 2]>;
 
-/// {V = 0} of *mitchell* at one relative heading, found along rays from the evader.
+/// {V = 0} of *mitchell* at one relative heading.
 pub(crate) struct Slice {
     pub(crate) psi_deg: f64,
     pub(crate) exact: Vec<Curve>,
-    /// Standard accuracy.
+    /// The polar solution at standard accuracy.
     pub(crate) polar: Vec<Curve>,
     /// WENO5 on 51×40×50 nodes, T = 2.8 s.
     pub(crate) cartesian: Vec<Curve>,
-    /// The point of the closed form's curve that is farthest from the evader, m.
+    /// The point of the closed form's curve that is farthest from the evader (m).
     pub(crate) tip: [f64; 2],
 }
 
-/// |polar − closed form| of *paper* at ψ = π, standard accuracy.
+/// |polar − closed form| for *paper* at ψ = π and standard accuracy.
 #[derive(Serialize)]
 pub(crate) struct ErrorMap {
-    /// Errors of all cells, m; `worst` is the position of the largest.
+    /// Errors of all cells (m). `worst` is the position of the largest error.
     errors: Errors,
     worst: [f64; 2],
-    /// First x, first y (of the centres of square cells) and their side, m.
+    /// The centre of the first square cell, with the smallest x and y. `cell_m` is the side of a
+    /// cell. Both are in metres.
     #[serde(skip)]
     pub(crate) origin: [f64; 2],
     #[serde(skip)]
     pub(crate) cell_m: f64,
-    /// Errors, m: one row for every y.
+    /// Errors (m), with one row for each y.
     #[serde(skip)]
     pub(crate) rows: Vec<Vec<f64>>,
     /// {V = 0} of the closed form.
@@ -48,8 +49,8 @@ fn fineness() -> CurveSettings {
     CurveSettings::default().with_flatness(0.002).with_spacing(0.1)
 }
 
-/// Distance of the curves traced through a solution's grid from its {V = 0}: |V|, m, at their
-/// points and midway between them, at 24 headings.
+/// Distance of curves that are traced through a solution's grid from the solution's {V = 0}. It is
+/// measured by |V| (m) at the points of the curves and midway between them, at 24 headings.
 pub(crate) fn traced(solved: &Solved) -> Result<Errors, Box<dyn Error>> {
     let polar = &solved.function;
     let mut errors = Vec::new();
@@ -65,7 +66,7 @@ pub(crate) fn traced(solved: &Solved) -> Result<Errors, Box<dyn Error>> {
     Ok(Errors::of(errors))
 }
 
-/// Three slices; `polar` is the polar solver's solution.
+/// Slices at three headings. `polar` is the polar solver's solution.
 pub(crate) fn slices(polar: &Solved) -> Result<Vec<Slice>, Box<dyn Error>> {
     let grid = CartesianGrid::new([51, 40, 50], [-6.0, 20.0, -10.0, 10.0]);
     let options = Options::default().with_horizon(HORIZON_S).with_grid(grid);
@@ -85,7 +86,7 @@ pub(crate) fn slices(polar: &Solved) -> Result<Vec<Slice>, Box<dyn Error>> {
     [60.0, 120.0, 180.0].into_iter().map(slice).collect()
 }
 
-/// The map of a solution of *paper*.
+/// The error map of a solution of *paper*.
 pub(crate) fn error_map(polar: &Solved) -> Result<ErrorMap, Box<dyn Error>> {
     let (origin, cell_m, [columns, rows]) = ([-5.95, -7.95], 0.1, [210, 160]);
     let exact = ValueFunction::Exact(PAPER.exact()?);

@@ -13,32 +13,33 @@ use sidestep::vehicle::VehicleModel;
 use crate::errors::{Errors, random_states};
 use crate::{Known, PAPER, solved};
 
-/// One accuracy of one game. Lengths are in metres.
+/// Results for one game at one accuracy. Lengths are in metres.
 #[derive(Clone, Serialize)]
 pub(crate) struct Check {
     pub(crate) game: &'static str,
     pub(crate) accuracy: &'static str,
-    /// Nodes of range, and of a full turn of each angle.
+    /// Numbers of nodes in range, and in a full turn of each angle.
     nodes: [usize; 2],
     range_m: f64,
     sweeps: usize,
     drift_m: f64,
-    /// Errors at the states that count: between the nodes (`random`) and at them.
+    /// Errors at the states that count, at random states (`random`) and at nodes.
     random: Errors,
     at_nodes: Errors,
-    /// Excess of the volume of {V ≤ 0} over the closed form's, in percent.
+    /// Excess of the volume of {V ≤ 0} over the closed form's volume (percent).
     volume_percent: f64,
-    /// For the random states: (error, share of the states with a larger error).
+    /// For the random states: pairs of an error and the share of states with a larger error.
     #[serde(skip)]
     pub(crate) exceedance: Vec<(f64, f64)>,
 }
 
-/// Number of random states, within 5 turning radii: {V = 0} extends to 3.6 at most.
+/// Number of random states. Their ranges are at most 5 turning radii, and {V = 0} extends to at
+/// most 3.6.
 pub(crate) const STATES: usize = 200_000;
-/// Only states this near to {V = 0} count, m.
+/// Only states with |V| below this (m) count.
 const NEAR_M: f64 = 0.5;
-/// Only states at which the pursuer can reduce the range by this much count, m. Elsewhere V = r −
-/// R, which is stored exactly and would make the quantiles look better.
+/// Only states at which the pursuer can reduce the range by more than this (m) count. Elsewhere V =
+/// r − R, which is stored exactly and would make the quantiles look better.
 const CLOSING_M: f64 = 1e-6;
 
 pub(crate) const ACCURACIES: [(&str, Accuracy); 3] =
@@ -46,17 +47,17 @@ pub(crate) const ACCURACIES: [(&str, Accuracy); 3] =
 /// Index of the standard accuracy.
 pub(crate) const STANDARD: usize = 1;
 
-/// The converged value by the polar solver.
+/// The converged value, computed by the polar solver.
 pub(crate) fn by_polar(game: PursuitGame, accuracy: Accuracy) -> Result<Solved, Box<dyn Error>> {
     solved(game, &Options::default().with_method(Method::Polar).with_accuracy(accuracy))
 }
 
-/// The converged value with each of the three accuracies.
+/// The converged value at each of the three accuracies.
 pub(crate) fn solutions(game: PursuitGame) -> Result<Vec<Solved>, Box<dyn Error>> {
     ACCURACIES.iter().map(|(_, accuracy)| by_polar(game, *accuracy)).collect()
 }
 
-/// Measures the polar solver's solutions of a game.
+/// Measures the errors of the polar solver's solutions of a game.
 pub(crate) fn check(known: &Known, solutions: &[Solved]) -> Result<Vec<Check>, Box<dyn Error>> {
     let (game, exact) = (known.game, known.game.exact()?);
     let rho = exact.speed_mps() / exact.turn_rate_radps();
@@ -71,7 +72,7 @@ pub(crate) fn check(known: &Known, solutions: &[Solved]) -> Result<Vec<Check>, B
             counts(&game, state, truth).then(|| (solved.function.value(state) - truth).abs())
         };
         let errors: Vec<f64> = random.iter().filter_map(|state| error(*state)).collect();
-        // Errors of the stored values, at the nodes.
+        // Errors of the stored values at the nodes.
         let [ranges, bearings, headings] = solved.samples.nodes().coordinates();
         let mut deficits = solved.samples.deficit();
         let mut at_nodes = Vec::new();
@@ -104,12 +105,12 @@ pub(crate) fn check(known: &Known, solutions: &[Solved]) -> Result<Vec<Check>, B
     Ok(checks)
 }
 
-/// Whether the error at a state with this value counts.
+/// Whether a state with this value counts.
 pub(crate) fn counts(game: &PursuitGame, state: [f64; 3], value: f64) -> bool {
     value.abs() < NEAR_M && game.target(state) - value > CLOSING_M
 }
 
-/// Shares of the errors that exceed each threshold: from 10⁻⁵ m upwards, 16 per decade.
+/// The share of errors above each threshold. The thresholds start at 10⁻⁵ m, with 16 per decade.
 fn exceedance(errors: &[f64]) -> Vec<(f64, f64)> {
     let mut points = Vec::new();
     for step in 0..=80 {
@@ -123,8 +124,8 @@ fn exceedance(errors: &[f64]) -> Vec<(f64, f64)> {
     points
 }
 
-/// Convergence of a long chase: sweeps and drift with standard accuracy, for equal speeds and for a
-/// slightly faster pursuer.
+/// Convergence of a long chase: number of sweeps and drift at standard accuracy, for equal speeds
+/// and for a slightly faster pursuer.
 pub(crate) fn chase(equal: &Solved) -> Result<Value, Box<dyn Error>> {
     let faster = VehicleModel { speed_mps: 1.05 * PAPER.pursuer.speed_mps, ..PAPER.pursuer };
     let chase = by_polar(PursuitGame { pursuer: faster, ..PAPER }, Accuracy::Standard)?;

@@ -1,4 +1,5 @@
-//! Vehicles that differ: no closed form is known, so solutions are compared with each other.
+//! Vehicles that differ. No closed form is known for them, so solutions are compared with each
+//! other.
 
 use std::error::Error;
 
@@ -16,9 +17,9 @@ pub(crate) const GAME: PursuitGame = PursuitGame {
     radius_m: 3.0,
 };
 
-/// Length of the finite horizon, s.
+/// The finite horizon (s).
 pub(crate) const HORIZON_S: f64 = 6.0;
-/// Nodes of the rectangular grid.
+/// Numbers of nodes of the rectangular grid.
 pub(crate) const CARTESIAN: [usize; 3] = [81, 81, 60];
 
 /// Measures both solvers on the unequal pair.
@@ -45,15 +46,16 @@ pub(crate) fn check() -> Result<Value, Box<dyn Error>> {
         "parameters": GAME,
         "horizon_s": HORIZON_S,
         "nodes": CARTESIAN,
-        // Number of reference states, and of those whose difference is within the reference's own
-        // error estimate.
+        // Number of reference states, and number of states whose difference is within the
+        // reference's own error estimate.
         "states": rows.len(),
         "within": within,
         "differences": Errors::of(differences),
-        // |standard − fine| of the polar solver where the fine |V| < 0.5 m, at random states.
+        // |standard − fine| of the polar solver at random states where the fine solution has |V| <
+        // 0.5 m.
         "standard_and_fine": Errors::of(near.collect()),
-        // Excess of the converged value (fine) over the finite-horizon value, beyond the
-        // reference's estimate: positive only through errors.
+        // Maximum excess of the converged (fine) value over the finite-horizon value, beyond the
+        // reference's error estimate. Only errors can make it positive.
         "above_finite": above_finite,
     }))
 }

@@ -1,4 +1,4 @@
-//! Compares every cell with the reference's, and finds why some differ.
+//! Compares every cell with the reference, and finds the reason why some differ.
 
 use std::error::Error;
 
@@ -36,8 +36,8 @@ struct Again {
     test_most: usize,
 }
 
-/// Counts the cells of each model whose test accuracy equals the reference's, and lists the others:
-/// under the setting that the reference chose, and under ours.
+/// Counts the cells of each model whose test accuracy equals the reference's. Lists the other
+/// cells, with the setting that the reference chose and with the setting that we chose.
 pub(crate) fn check(
     comparison: &Comparison,
     people: &[ParticipantData],
@@ -57,7 +57,7 @@ pub(crate) fn check(
             let (of_reference, own) =
                 (choice(&theirs.hyperparameters)?, choice(&ours.hyperparameters)?);
             let why = why(&theirs.model, &of_reference, &own);
-            // One line for a setting that both chose.
+            // A single line if both chose the same setting.
             let choices = match same_setting(&of_reference, &own) {
                 true => vec![("both", own)],
                 false => vec![("reference", of_reference), ("ours", own)],
@@ -82,7 +82,7 @@ pub(crate) fn check(
     }))
 }
 
-/// The accuracy of a setting: by our models, and by scikit-learn.
+/// The accuracy with a setting, for our model and for scikit-learn's.
 fn choice(
     hyperparameters: &str,
     ours: &Cell,
@@ -121,7 +121,7 @@ fn is(cell: &Cell, theirs: &Reference) -> bool {
         == (&theirs.model, theirs.experiment, &theirs.features, theirs.participant)
 }
 
-/// The cell when the grid contains only this setting.
+/// Computes the cell with grids that contain only this setting.
 fn under(setting: &Value, cell: &Cell, person: &ParticipantData) -> Result<Cell, Box<dyn Error>> {
     let number = |name: &str| setting[name].as_f64().ok_or_else(|| format!("{setting}: no {name}"));
     let whole = |name: &str| setting[name].as_u64().map(|n| n as usize);

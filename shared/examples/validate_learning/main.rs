@@ -1,8 +1,8 @@
-//! Measures how closely the models, the comparison and its tests agree with scikit-learn and scipy,
-//! and prints one JSON object, from which `cargo xtask validate learning` makes
-//! `docs/validation/learning.md`.
+//! Measures how closely the models, the comparison and its statistical tests agree with
+//! scikit-learn and scipy, and prints one JSON object. From this object `cargo xtask validate
+//! learning` makes `docs/validation/learning.md`.
 //!
-//! The output is reproducible: nothing is timed or random.
+//! The output is reproducible, because nothing is timed or random.
 
 #![allow(clippy::print_stdout, reason = "its answer is what it prints")]
 
@@ -23,7 +23,7 @@ use learning::{apart, ranks};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let step = |name: &str| eprintln!("    {name}");
-    // Pairs are experiment I and II.
+    // Each pair is experiments I and II.
     step("models");
     let (logistic, machines, trees) =
         ([1, 2].map(apart::logistic), [1, 2].map(apart::svms), [1, 2].map(apart::trees));
@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let cells = cells::check(&comparison, &people)?;
     step("tests of differences");
     let ranks = ranks::ranks();
-    // Stages whose bits the tests compare between this machine and WebAssembly.
+    // Stages for which the tests compare all bits between this machine and WebAssembly.
     let stages = learning_fingerprints()?;
     let count = |stage: &str| stages.iter().filter(|(name, _)| name.ends_with(stage)).count();
     let report = json!({

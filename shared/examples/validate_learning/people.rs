@@ -1,4 +1,5 @@
-//! The reference's synthetic people with its features, compared as by `sidestep analyze`.
+//! The reference's synthetic people with the reference's features, compared like `sidestep analyze`
+//! does.
 
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -16,11 +17,11 @@ use sidestep::shfrs::window::Trajectory;
 use crate::learning::feature_rows;
 use crate::recorded::{self, TASKS};
 
-/// Steps of each task.
+/// Number of steps of each task.
 const STEPS: usize = 50;
 
-/// The people of trials.csv. Their B_hrd comes from features.csv, which scikit-learn used; other
-/// features are computed.
+/// The people of trials.csv. Their features B_hrd come from features.csv, which scikit-learn used;
+/// the other features are computed.
 fn people(
     parameters: &SceneParameters,
     safety: &SafetyLevels,
@@ -64,7 +65,8 @@ fn people(
     Ok(people)
 }
 
-/// These people, and the comparison of the paper's seven sets on them with the protocol's grids.
+/// Compares the paper's seven sets on these people with the protocol's grids. Returns the people
+/// and the comparison.
 pub(crate) fn compared() -> Result<(Vec<ParticipantData>, Comparison), Box<dyn Error>> {
     let parameters = SceneParameters::default();
     let safety = recorded::safety();

@@ -1,4 +1,4 @@
-//! Compares Tables I and II with the reference's.
+//! Compares Tables I and II with the reference's tables.
 
 use std::error::Error;
 
@@ -12,11 +12,11 @@ use sidestep::comparison::tables::Comparison;
 use crate::learning::apart::furthest;
 use crate::learning::lines;
 
-/// One model: a number for each of the paper's sets.
+/// The numbers of one model, one for each of the paper's sets.
 #[derive(Serialize)]
 struct Row {
     model: &'static str,
-    /// 1 or 2.
+    /// Number of the experiment, 1 or 2.
     experiment: u8,
     ours: Vec<f64>,
     reference: Vec<f64>,
@@ -55,13 +55,13 @@ struct Distance {
     convention: String,
 }
 
-/// A named table as JSON, with the largest difference between our values and the reference's.
+/// A named table as JSON, with the maximum difference between our values and the reference's.
 fn table((name, rows): (String, Vec<Row>)) -> Value {
     let largest = rows.iter().map(|row| furthest(&row.ours, &row.reference)).fold(0.0, f64::max);
     json!({ "name": name, "largest": largest, "rows": rows })
 }
 
-/// Table I as `accuracy`; each metric and convention of Table II.
+/// Table I under the name `accuracy`, and a table for each metric and convention of Table II.
 pub(crate) fn check(comparison: &Comparison) -> Result<Vec<Value>, Box<dyn Error>> {
     let mut tables: Vec<(String, Vec<Row>)> = vec![("accuracy".to_owned(), Vec::new())];
     let first: Vec<Line<Accuracy>> = lines(include_str!("../../tests/data/sklearn_table1.csv"));

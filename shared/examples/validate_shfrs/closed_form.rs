@@ -1,4 +1,4 @@
-//! Checks areas of tubes against the closed form, for bounds that always admit straight.
+//! Checks areas of tubes against the closed form, for bounds that always admit straight driving.
 
 use std::error::Error;
 
@@ -15,7 +15,7 @@ use crate::drives::{Kind, set};
 use crate::{Found, RATE_RADPS};
 
 const BOUNDS: usize = 1000;
-/// Most steps.
+/// Maximum number of steps.
 const STEPS: usize = 15;
 const ACCURACY_M: f64 = 1e-5;
 
@@ -42,11 +42,11 @@ pub(crate) fn check() -> Found {
         "bounds": BOUNDS,
         "steps": STEPS,
         "accuracy_m": ACCURACY_M,
-        // Largest difference, and as a share of the area where that is at least 0.1 m².
+        // Maximum error of the area, and maximum error as a share of areas of at least 0.1 m².
         "worst_m2": worst_m2,
         "worst_share": worst_share,
-        // Area that is reachable in ten steps under all turn rates: of the polygon, and in closed
-        // form.
+        // Area that is reachable in ten steps with all turn rates: of the polygon, and of the
+        // closed form.
         "everything_m2": everything_m2,
     }))
 }

@@ -1,5 +1,5 @@
 //! Do calibrated levels keep their guarantees? Calibrations are drawn from a population that is
-//! known as a whole, so the coverage of a level is counted, not estimated.
+//! completely known, so the coverage of a level is counted, not estimated.
 
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -23,12 +23,12 @@ const DELTA: f64 = 0.05;
 /// Number of levels that a fixed sequence tests.
 const LEVELS: usize = 21;
 
-/// Level i of a fixed sequence, rad/s, in descending order.
+/// Level i of a fixed sequence (rad/s), in descending order.
 fn level(i: usize, most: f64) -> f64 {
     most * (LEVELS - 1 - i) as f64 / (LEVELS - 1) as f64
 }
 
-/// Whether the set of each level contains the drive, with `paper` roll-outs.
+/// Whether the set at each level contains the drive, with `paper` roll-outs.
 fn held(drive: &Trajectory, parameters: &SceneParameters) -> Result<Vec<bool>, Invalid> {
     let prediction = Prediction::new(parameters, &PREDICTED);
     let window = window(drive)?;
@@ -51,7 +51,7 @@ struct Everyone {
     /// Scores in ascending order.
     sorted: Vec<f64>,
     held: Vec<Vec<bool>>,
-    /// Coverage of each level of a fixed sequence in the population.
+    /// Coverage of each level of the fixed sequence in the population.
     shares: Vec<f64>,
 }
 
@@ -84,15 +84,15 @@ fn row(everyone: &Everyone, scores: &[f64], p: f64, n: usize) -> Result<Value, I
     Ok(json!({
         "p": p,
         "n": n,
-        // Coverage of a conformal level in the population: mean over the calibrations, its standard
-        // error, and the expected value for scores without ties.
+        // Coverage of a conformal level in the population: its mean over the calibrations, the
+        // standard error of the mean, and the expected value for scores without ties.
         "conformal_mean": mean,
         "conformal_error": ((squares / many - mean * mean) / many).sqrt(),
         "conformal_expected": Guarantee::Conformal.rank(n, p)? as f64 / (n + 1) as f64,
-        // Share of the calibrations whose level has a coverage below p; none where n is too small.
+        // Share of the calibrations whose level has a coverage below p. Null if n is too small.
         "pac_failures": share(failed[0]),
         "fixed_failures": share(failed[1]),
-        // Number of trajectories that PAC levels need.
+        // Number of trajectories that a PAC level needs.
         "pac_needs": pac_needs,
     }))
 }
@@ -120,10 +120,10 @@ pub(crate) fn check() -> Found {
         "calibrations": CALIBRATIONS,
         "delta": DELTA,
         "levels": LEVELS,
-        // Over all drives, the pairs of neighbouring levels whose smaller set contains the drive
-        // and whose larger does not: `paper` roll-outs are not nested.
+        // Number of pairs of successive levels, over all drives, for which the smaller set contains
+        // the drive and the larger set does not. `paper` roll-outs are not nested.
         "not_nested": not_nested,
-        // The binomial error of a share DELTA of the calibrations.
+        // Binomial standard error of a share DELTA of the calibrations.
         "failure_error": (DELTA * (1.0 - DELTA) / CALIBRATIONS as f64).sqrt(),
         "rows": rows,
     }))

@@ -1,4 +1,4 @@
-//! Checks bounds on the probability that the human enters the danger zone, on simulated scenes.
+//! Checks bounds on the probability that the human enters the danger zone, in simulated scenes.
 
 use rayon::prelude::*;
 use serde_json::json;
@@ -13,7 +13,7 @@ use crate::Found;
 use crate::reacting::{PREDICTED, Population, choice};
 
 const SCENES: usize = 4000;
-/// Trajectories of a calibration.
+/// Number of trajectories in a calibration.
 const CALIBRATION: usize = 100;
 const ALPHAS: [f64; 5] = [0.05, 0.1, 0.2, 0.3, 0.5];
 
@@ -43,13 +43,13 @@ pub(crate) fn check() -> Found {
     let row = |alpha: f64| {
         json!({
             "alpha": alpha,
-            // The binomial error of a share α of the scenes.
+            // Binomial standard error of a share α of the scenes.
             "error": (alpha * (1.0 - alpha) / SCENES as f64).sqrt(),
-            // Share of the scenes in which the human entered although U ≤ α, and in which they
-            // stayed out although L ≥ 1 − α.
+            // Share of the scenes in which the human entered although U ≤ α, and share in which the
+            // human stayed out although L ≥ 1 − α.
             "entered_against": share(&|&(_, high, entered)| entered && high <= alpha),
             "stayed_out_against": share(&|&(low, _, entered)| !entered && low >= 1.0 - alpha),
-            // Share of the scenes with U ≤ α, and with L ≥ 1 − α.
+            // Share of the scenes with U ≤ α, and share with L ≥ 1 − α.
             "said_out": share(&|&(_, high, _)| high <= alpha),
             "said_in": share(&|&(low, _, _)| low >= 1.0 - alpha),
         })

@@ -9,29 +9,29 @@ use sidestep::vehicle::{Pose, dubins};
 
 use crate::{RATE_RADPS, SPEED_MPS, STEP_S};
 
-/// The turn rates that bounds admit. The geometry differs: straight extremals exist only if
-/// straight is admitted, and otherwise the rear needs more than one switch.
+/// The turn rates that bounds admit. The geometry depends on them: straight extremals exist only if
+/// straight driving is admitted. Otherwise the rear boundary needs more than one switch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Kind {
-    /// Every turn rate in every step.
+    /// Every turn rate is admitted in every step.
     Everything,
-    /// Straight in every step, sometimes as the only rate.
+    /// Straight driving is admitted in every step, sometimes as the only turn rate.
     Straight,
-    /// Turns to one side only, the same in every step.
+    /// Only turns to one side are admitted, the same side in every step.
     #[serde(rename = "one side")]
     OneSide,
-    /// Anything: signs change from step to step, and some steps admit a single rate.
+    /// Any bounds: signs change from step to step, and some steps admit a single turn rate.
     Any,
 }
 
 pub(crate) const KINDS: [Kind; 4] = [Kind::Everything, Kind::Straight, Kind::OneSide, Kind::Any];
 
-/// Bounds, rad/s, lowest and highest of each step.
+/// The lowest and the highest turn rate of each step (rad/s).
 pub(crate) type Rates = (Vec<f64>, Vec<f64>);
 
 impl Kind {
-    /// Random bounds of `steps` steps. In half of the cases, neighbouring steps often have equal
+    /// Random bounds of `steps` steps. In half of the cases, successive steps often have equal
     /// bounds.
     pub(crate) fn bounds(self, steps: usize, rng: &mut SeededRng) -> Rates {
         let (steady, side) = (rng.below(2) == 0, [-1.0, 1.0][rng.below(2)]);
@@ -65,13 +65,13 @@ pub(crate) fn set(start: impl Into<StartSet>, (lo, hi): &Rates) -> Result<Reacha
     ReachableSet::new(start, &bounds, SPEED_MPS, STEP_S)
 }
 
-/// Anywhere within 9 m of the origin along each axis.
+/// A random pose, within 9 m of the origin along each axis.
 pub(crate) fn any_pose(rng: &mut SeededRng) -> Pose {
     Pose::new(rng.uniform(-9.0, 9.0), rng.uniform(-9.0, 9.0), rng.uniform(-3.1, 3.1))
 }
 
-/// The states after each of `parts` parts of each step of a random drive. Rates change at random,
-/// also within a step; two thirds of the drives use only the bounds themselves.
+/// A random drive: the states at the ends of `parts` equal parts of each step. The turn rate
+/// changes at random, also within a step. Two thirds of the drives use only the bounds themselves.
 pub(crate) fn drive(
     mut pose: Pose,
     (lo, hi): &Rates,

@@ -1,4 +1,4 @@
-//! Enumerates every input that switches twice: does one of them end at each point of the boundary?
+//! Enumerates all inputs that switch twice. Does one of them end at each point of the boundary?
 
 use serde_json::json;
 use sidestep::math::{SeededRng, hypot};
@@ -8,21 +8,22 @@ use sidestep::vehicle::{Pose, dubins};
 use crate::drives::{KINDS, Kind, Rates, set};
 use crate::{Found, SPEED_MPS, STEP_S};
 
-/// Steps, and parts per step: the enumerated inputs switch between parts. Two switches suffice over
-/// three steps for any bounds, and over ten where straight is always admitted.
+/// Number of steps, and of parts per step. The enumerated inputs switch between parts. Two switches
+/// suffice for any bounds over three steps, and over ten steps if straight driving is always
+/// admitted.
 const SHORT: (usize, usize) = (3, 12);
 const LONG: (usize, usize) = (10, 4);
 /// Number of bounds of each kind.
 const BOUNDS: usize = 10;
-/// The switching times of the nearest inputs are then refined until an end is within `NEAR_M` or
-/// moves of `LEAST_MOVE_S` no longer help.
+/// The switching times of the nearest inputs are then refined, until an end is within `NEAR_M` of
+/// the point or changes by `LEAST_MOVE_S` no longer help.
 const NEAR_M: f64 = 1e-4;
 const LEAST_MOVE_S: f64 = 1e-5;
 /// Number of rate sequences that are refined.
 const NEAREST: usize = 6;
 
-/// Three successive rates, each the lowest (0), the highest (2) or the straightest admitted (1),
-/// and the two switching times, s.
+/// An input with three successive rates and two switching times (s). A rate is the lowest (0), the
+/// straightest (1) or the highest (2) that is admitted.
 #[derive(Clone, Copy)]
 struct Input {
     rates: [usize; 3],
@@ -47,7 +48,7 @@ impl Input {
     }
 }
 
-/// Every sequence of rates with every pair of switching times between parts.
+/// Every sequence of rates, with every pair of switching times between parts.
 fn enumerated(rates: &Rates, parts: usize) -> Vec<Vec<(Input, [f64; 2])>> {
     let parts_in_all = rates.0.len() * parts;
     let at = |part: usize| part as f64 * STEP_S / parts as f64;
@@ -63,7 +64,7 @@ fn enumerated(rates: &Rates, parts: usize) -> Vec<Vec<(Input, [f64; 2])>> {
     (0..27).map(sequence).collect()
 }
 
-/// Distance from `point` to the nearest end, m, after refining the switching times.
+/// Distance from `point` to the nearest end (m), after refinement of the switching times.
 fn distance(inputs: &[Vec<(Input, [f64; 2])>], point: [f64; 2], rates: &Rates, part: f64) -> f64 {
     let from = |end: [f64; 2]| hypot(end[0] - point[0], end[1] - point[1]);
     let nearest = |inputs: &Vec<(Input, [f64; 2])>| {
@@ -105,7 +106,7 @@ pub(crate) fn check() -> Found {
     let long = [Kind::Everything, Kind::Straight].map(|kind| (kind, LONG));
     let mut checks = Vec::new();
     for (kind, (steps, parts)) in short.into_iter().chain(long) {
-        // Only one set admits everything.
+        // Only one choice of bounds admits every turn rate.
         let bounds = if kind == Kind::Everything { 1 } else { BOUNDS };
         let (mut tried, mut points, mut farthest_m) = (0, 0, 0.0_f64);
         for _ in 0..bounds {
@@ -123,7 +124,8 @@ pub(crate) fn check() -> Found {
             "steps": steps,
             "bounds": bounds,
             "inputs": tried,
-            // Points of boundaries, and the largest distance of one to the nearest end.
+            // Number of points of boundaries, and the maximum distance of a point from the nearest
+            // end.
             "points": points,
             "farthest_m": farthest_m,
         }));

@@ -1,4 +1,4 @@
-//! Coverage against area: SHFRS and the baselines, on drives of synthetic people.
+//! Coverage against area for SHFRS and the baselines, on drives of synthetic people.
 
 use std::error::Error;
 
@@ -22,15 +22,15 @@ const TARGETS: [f64; 3] = [0.75, 0.9, 0.95];
 const SPLITS: u64 = 12;
 const CONFIDENCE: f64 = 0.95;
 
-/// A family at the level calibrated for a target: area of the tube, m², coverage, and the lower and
-/// upper end of its interval.
+/// A family at the level that is calibrated for a target: area of the tube (m²), coverage, and the
+/// lower and upper end of the coverage's confidence interval.
 type Cell = [f64; 4];
 
 /// The families, each with one cell per target.
 type Table = Vec<(String, Vec<Cell>)>;
 
-/// Choices of actions under their names on the page; the best of each is selected on the training
-/// part.
+/// Choices of actions, by their name on the page. For each name, the best choice is selected on the
+/// training part.
 fn choices() -> Vec<(&'static str, Vec<ActionChoice>)> {
     let (adaptive, schedules) = candidates(3, STEPS)
         .into_iter()
@@ -85,7 +85,7 @@ pub(crate) fn check() -> Found {
     let safety = recorded::safety();
     let tables = (0..SPLITS).map(|seed| table(&drives, seed, &safety, &parameters));
     let tables: Vec<Table> = tables.collect::<Result<_, _>>()?;
-    // A family's cell for a target: means over the splits.
+    // A family's cell for a target, averaged over the splits.
     let cell = |family: usize, target: usize| -> Cell {
         std::array::from_fn(|i| {
             tables.iter().map(|table| table[family].1[target][i]).sum::<f64>() / SPLITS as f64
@@ -118,7 +118,7 @@ pub(crate) fn check() -> Found {
         "targets": TARGETS,
         "confidence": CONFIDENCE,
         "families": names.iter().enumerate().map(row).collect::<Vec<_>>(),
-        // The family of smallest area for each range of targets.
+        // The family with the smallest area, for each range of targets.
         "least": best.chunk_by(|a, b| a.0 == b.0).map(run).collect::<Vec<_>>(),
     }))
 }

@@ -1,8 +1,8 @@
-//! Measures the accuracy of the reachable sets and their probabilities and prints one JSON object,
-//! from which `cargo xtask validate` makes `docs/validation/shfrs.md`.
+//! Measures the accuracy of the reachable sets and of their probabilities, and prints one JSON
+//! object. From this object `cargo xtask validate` makes `docs/validation/shfrs.md`.
 //!
-//! The output is reproducible: nothing is timed, and random numbers come from fixed seeds. Names of
-//! numbers end with their unit.
+//! The output is reproducible, because nothing is timed and random numbers come from fixed seeds.
+//! Names of numbers end with their unit.
 
 #![allow(clippy::print_stdout, reason = "its answer is what it prints")]
 
@@ -27,15 +27,15 @@ use std::error::Error;
 
 use serde_json::Value;
 
-/// The study's vehicle and clock.
+/// The study's vehicle and time step.
 const SPEED_MPS: f64 = 2.0;
 const RATE_RADPS: f64 = 0.5;
 const STEP_S: f64 = 0.2;
 
-/// The result of one part of the page.
+/// The results for one part of the page.
 type Found = Result<Value, Box<dyn Error>>;
 
-/// A part, with its name in the page's template.
+/// A part of the page: its name in the page's template, and the function that checks it.
 type Part = (&'static str, fn() -> Found);
 
 const PARTS: [Part; 9] = [

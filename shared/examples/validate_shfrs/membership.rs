@@ -1,4 +1,4 @@
-//! Random admissible drives: does membership accept the state in which each ends?
+//! Random admissible drives. Does the membership test accept the state at the end of each drive?
 
 use serde_json::json;
 use sidestep::math::SeededRng;
@@ -7,7 +7,7 @@ use sidestep::reach::Tolerance;
 use crate::Found;
 use crate::drives::{KINDS, any_pose, drive, set};
 
-/// Steps ahead.
+/// Numbers of steps ahead.
 const HORIZONS: [usize; 4] = [3, 10, 25, 50];
 /// Bounds per kind and horizon, drives per bounds, and parts per step.
 const BOUNDS: usize = 125;
@@ -39,7 +39,8 @@ pub(crate) fn check() -> Found {
                 "kind": kind,
                 "steps": steps,
                 "drives": BOUNDS * DRIVES,
-                // Drives whose last state is found outside, and the largest distance outside.
+                // Number of drives whose last state is found outside, and the maximum distance
+                // outside.
                 "outside": outside,
                 "farthest_m": farthest_m,
             }));

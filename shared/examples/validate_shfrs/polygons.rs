@@ -1,4 +1,4 @@
-//! Random admissible drives and the conservative polygons that must contain them.
+//! Random admissible drives, and the conservative polygons that must contain them.
 
 use std::error::Error;
 
@@ -13,7 +13,7 @@ use crate::Found;
 use crate::drives::{KINDS, Kind, any_pose, drive, set};
 use crate::starts::pose_at;
 
-/// Accuracy of the polygons, m, and of the exact ones for comparison.
+/// Accuracy of the conservative polygons (m), and of the exact polygons for comparison (m).
 const ACCURACY_M: f64 = 1e-3;
 const EXACT_M: f64 = 1e-4;
 /// Every fifth polygon is compared, because exact polygons of uncertain starts are slow.
@@ -22,29 +22,30 @@ const COMPARED: usize = 5;
 const BOUNDS: usize = 125;
 const DRIVES: usize = 200;
 const PARTS: usize = 5;
-/// Most steps: up to here, fronts and rears are graphs.
+/// Maximum number of steps. Up to this number, front and rear boundaries are graphs.
 const STEPS: usize = 15;
 
-/// Bounds of one kind, from poses and from uncertain starts.
+/// Results for bounds of one kind, with poses and uncertain starts.
 #[derive(Serialize)]
 struct OfKind {
     kind: Kind,
     drives: usize,
-    /// Positions that were tested against a polygon.
+    /// Number of positions that were tested against a polygon.
     positions: usize,
-    /// Least distance of a position from the edge of its polygon, m; below 0 is outside.
+    /// Minimum distance of a position from the edge of its polygon (m). Negative if the position is
+    /// outside.
     least_margin_m: f64,
-    /// Polygons that were compared with exact ones.
+    /// Number of polygons that were compared with exact polygons.
     compared: usize,
-    /// Largest distance by which a conservative polygon exceeds the exact one, m.
+    /// Maximum distance by which a conservative polygon exceeds the exact polygon (m).
     excess_m: f64,
-    /// Largest excess area, m², and as a share of the exact area where that is at least 0.1 m².
+    /// Maximum excess area (m²), and maximum excess as a share of exact areas of at least 0.1 m².
     excess_m2: f64,
     excess_share: f64,
 }
 
 impl OfKind {
-    /// Compares a conservative polygon with the exact one.
+    /// Compares a conservative polygon with the exact polygon.
     fn compare(&mut self, drawn: &[[f64; 2]], exact: &[[f64; 2]]) {
         self.compared += 1;
         let beyond = drawn.iter().map(|&vertex| signed_distance(exact, vertex));
@@ -58,7 +59,8 @@ impl OfKind {
     }
 }
 
-/// Half of the starts are poses; the others are uncertain in position, heading or both.
+/// A random start. Half of the starts are poses; the others are uncertain in position, heading or
+/// both.
 fn start(rng: &mut SeededRng) -> Result<StartSet, Box<dyn Error>> {
     let pose = any_pose(rng);
     if rng.below(2) == 0 {
@@ -75,7 +77,7 @@ fn start(rng: &mut SeededRng) -> Result<StartSet, Box<dyn Error>> {
     Ok(StartSet::new(pose, position, rng.uniform(0.0, 0.5))?)
 }
 
-/// A pose in the start set; each coordinate is extreme with probability ½.
+/// A random pose in the start set. Each coordinate is extreme with probability ½.
 fn begin(start: &StartSet, rng: &mut SeededRng) -> Pose {
     let mut signed = || {
         let share = rng.uniform(-1.0, 1.0);

@@ -1,5 +1,5 @@
-//! Simulated people who turn away from a robot that comes near: their probabilities are known, and
-//! any number of them can be generated.
+//! Simulated people who turn away from a robot that comes near. Their probabilities are known, and
+//! any number of people can be generated.
 
 use rayon::prelude::*;
 use sidestep::bounds::{ActionChoice, ActionModel};
@@ -14,13 +14,13 @@ use sidestep::vehicle::{Pose, dubins};
 
 use crate::{RATE_RADPS, STEP_S};
 
-/// Steps of a drive and of its prediction.
+/// Number of steps of a drive and of its prediction.
 pub(crate) const STEPS: usize = 10;
 
-/// The right, straight and left turn rates, rad/s.
+/// The turn rates for right, straight and left (rad/s).
 const ACTIONS: [f64; 3] = [-RATE_RADPS, 0.0, RATE_RADPS];
 
-/// A human who starts to react to the robot at this distance, m.
+/// A human who starts to react to the robot at this distance (m).
 pub(crate) struct Reacting {
     pub(crate) near_m: f64,
 }
@@ -34,13 +34,13 @@ impl ActionModel for Reacting {
         let Some(state) = history.last() else { return };
         let turns = 0.9 / (1.0 + exp(state.distance_m() - self.near_m));
         let left = state.robot_seen_by_human()[1];
-        // Away from the robot, mostly.
+        // Turns are mostly away from the robot.
         let right = 1.0 / (1.0 + exp(-2.0 * left));
         out.copy_from_slice(&[turns * right, 1.0 - turns, turns * (1.0 - right)]);
     }
 }
 
-/// The prediction model: everyone reacts at 5 m.
+/// The prediction model, in which everyone reacts at 5 m.
 pub(crate) const PREDICTED: Reacting = Reacting { near_m: 5.0 };
 
 /// The choice of actions.
@@ -48,7 +48,7 @@ pub(crate) fn choice() -> ActionChoice {
     ActionChoice::Adaptive { tau: 0.2, steps: STEPS }
 }
 
-/// The drive of one human against a robot that drives straight on.
+/// The drive of a random human near a robot that drives straight on.
 fn drive(rng: &mut SeededRng) -> Result<Trajectory, Invalid> {
     let robot = Pose::new(rng.uniform(2.0, 9.0), rng.uniform(-5.0, 5.0), rng.uniform(-3.1, 3.1));
     let mut states = vec![JointState { human: Pose::new(0.0, 0.0, 0.0), robot }];
@@ -59,7 +59,7 @@ fn drive(rng: &mut SeededRng) -> Result<Trajectory, Invalid> {
     for _ in 0..STEPS {
         let mut probabilities = [0.0; 3];
         person.probabilities(&states, &mut probabilities);
-        // People neither decide anew in every step nor steer exactly.
+        // People do not decide anew in every step, and do not steer exactly.
         if rng.unit() < 0.4 {
             let drawn = rng.unit();
             let [right, straight, _] = probabilities;
@@ -99,7 +99,7 @@ impl Population {
     }
 }
 
-/// The whole drive.
+/// The window that consists of the whole drive.
 pub(crate) fn window(drive: &Trajectory) -> Result<Window<'_>, Invalid> {
     let found = format!("{} steps", drive.steps());
     Window::new(drive, 0, STEPS).ok_or_else(|| Invalid::new("drive", "ten steps", found))

@@ -1,8 +1,8 @@
-//! The level-set solver as an independent twin: the set that a vehicle reaches within two seconds
-//! from a small set of poses, on successively finer grids.
+//! The level-set solver as an independent twin. It computes the set that a vehicle reaches within
+//! two seconds from a small set of poses, on grids of increasing resolution.
 //!
-//! A level set on a grid needs an initial set of a few cells, so the start is a disc with headings
-//! to both sides. The twin's result is a function V of (x, y, ψ); its shadow in the plane is the
+//! A level set on a grid needs an initial set of a few cells, so the start is a disc with an
+//! interval of headings. The twin's result is a function V(x, y, ψ). Its shadow in the plane is the
 //! set where V ≤ 0 for some ψ. The exact set is computed for the same uncertain start.
 
 use std::error::Error;
@@ -19,17 +19,18 @@ use sidestep::vehicle::Pose;
 
 use crate::{Found, RATE_RADPS, SPEED_MPS, STEP_S};
 
-/// Radius, m, and half the range of headings, rad, of the start.
+/// Radius of the start (m), and half the width of its interval of headings (rad).
 const START: (f64, f64) = (0.3, 0.2);
-/// Steps ahead.
+/// Number of steps ahead.
 const STEPS: usize = 10;
-/// Spacings, m, and nodes of a full turn.
+/// Spacing (m), and number of nodes in a full turn.
 const GRIDS: [(f64, usize); 4] = [(0.15, 40), (0.1, 60), (0.075, 80), (0.05, 120)];
 
-/// Turn rates that are admitted throughout.
+/// Turn rates that are admitted throughout (rad/s).
 const BOUNDS: [(f64, f64); 3] = [(-0.5, 0.5), (-0.15, 0.4), (0.1, 0.5)];
 
-/// The twin's shadow: positions of nodes, and the smallest V over the headings.
+/// The twin's shadow: the position of each node in the plane, and the minimum of V over the
+/// headings.
 fn shadow(solution: &Solution<f32, 3>) -> Vec<([f64; 2], f64)> {
     let headings = solution.grid.axes[2].nodes;
     let least = |values: &[f32]| values.iter().copied().fold(f32::INFINITY, f32::min);
@@ -41,7 +42,7 @@ fn shadow(solution: &Solution<f32, 3>) -> Vec<([f64; 2], f64)> {
     columns.map(|(i, values)| (node(i), f64::from(least(values)))).collect()
 }
 
-/// The tube of the same start and bounds.
+/// The exact tube for the same start and bounds.
 fn exact(turn_rate: (f64, f64)) -> Result<Vec<[f64; 2]>, Box<dyn Error>> {
     let (radius_m, heading_rad) = START;
     let position = PositionUncertainty::Disc { radius_m };
@@ -60,7 +61,7 @@ fn twin(turn_rate: (f64, f64), tube: &[[f64; 2]], (spacing_m, headings): (f64, u
         Axis::periodic(-PI, PI, headings),
     ];
     let (radius, half) = START;
-    // Both in metres: the vehicle turns by a radian in about two metres.
+    // Both terms are in metres, because a radian counts as two metres.
     let start =
         |[x, y, psi]: [f64; 3]| (hypot(x, y) - radius).max(2.0 * (wrap_angle(psi).abs() - half));
     let car = DubinsCar { speed_mps: SPEED_MPS, turn_rate_radps: turn_rate };
@@ -75,11 +76,11 @@ fn twin(turn_rate: (f64, f64), tube: &[[f64; 2]], (spacing_m, headings): (f64, u
         "turn_rate_radps": turn_rate,
         "spacing_m": spacing_m,
         "nodes": axes.map(|axis| axis.nodes),
-        // Of the twin's shadow, and of the exact tube.
+        // Areas of the twin's shadow and of the exact tube.
         "area_m2": reached.len() as f64 * spacing_m * spacing_m,
         "exact_m2": signed_area(tube),
-        // Largest distance of a node of the twin's shadow outside the exact tube; negative if all
-        // are inside.
+        // Maximum distance of a node of the twin's shadow outside the exact tube. Negative if all
+        // nodes are inside.
         "outside_m": outside.fold(f64::NEG_INFINITY, f64::max),
     }))
 }

@@ -1,8 +1,8 @@
-//! Input that must be refused, and how a solve ends.
+//! Input that must be rejected, and the ways in which a solve ends.
 
 use super::*;
 
-/// The error of a small problem after `spoil` has made it invalid.
+/// The error for a small problem that `spoil` has made invalid.
 pub(crate) fn refused(spoil: impl FnOnce(&mut Problem<'_, 2, Drift<2>>, &mut Settings)) -> Invalid {
     let game = Drift { drift: [0.5, 0.0], speed: [1.0; 2] };
     let target = |[x, y]: [f64; 2]| hypot(x, y) - 0.5;
@@ -85,7 +85,7 @@ fn an_axis_with_too_few_nodes_is_refused() {
 
 #[test]
 fn a_grid_beyond_the_memory_is_refused_at_once() {
-    // The fastest of three: a busy machine may delay a test.
+    // Use the fastest of three runs, because a busy machine may delay a test.
     let waited = [(); 3].map(|()| {
         let start = std::time::Instant::now();
         refuse_grids_beyond_the_memory();
@@ -101,7 +101,7 @@ fn refuse_grids_beyond_the_memory() {
         }
         settings.memory_limit_bytes = 1 << 30;
     });
-    // 10,006² nodes with ghosts, three stages and the target, four bytes each.
+    // 10,006² nodes including ghost nodes, with four bytes for each of three stages and the target.
     let expected = "grid: expected at most 1024 MiB of memory, found 100120036 nodes, which need \
                     about 1528 MiB";
     assert_eq!(complaint.to_string(), expected);
@@ -143,13 +143,13 @@ fn regions_without_a_value_are_refused() {
     fn later([x, _]: [f64; 2], time: f64) -> f64 {
         if time > 0.3 { f64::NAN } else { x }
     }
-    // The first node in memory order: x = −2 + 11·4/14, y = 7/3.
+    // The first such node in memory order has x = −2 + 11·4/14 and y = 7/3.
     let place = "[1.1428571428571428, 2.333333333333333]";
     let complaint = refused(|problem, _| problem.target = Region::Static(&hole));
     assert_eq!([&complaint.field, &complaint.found], ["target", &format!("NaN at {place}")]);
     let complaint = refused(|problem, _| avoid(problem, Region::Static(&hole)));
     assert_eq!([&complaint.field, &complaint.found], ["avoid", &format!("NaN at {place}")]);
-    // Out of range for f32.
+    // This value is out of range for f32.
     let complaint = refused(|problem, _| problem.target = Region::Static(&huge));
     assert_eq!([&complaint.field, &complaint.found[..3]], ["target", "inf"]);
     let complaint = refused(|problem, _| problem.target = Region::OfMarchTime(&later));
@@ -171,7 +171,7 @@ fn a_game_without_a_value_is_refused() {
         (Broken { bound: 1.0, rate: 1e3 }, "value"),
     ] {
         for kind in [Kind::Tube, Kind::Set] {
-            // Only a tube has bounds that excessive speeds violate.
+            // Only a tube has bounds that an excessive speed violates.
             if kind == Kind::Set && game.rate == 1e3 {
                 continue;
             }
@@ -185,7 +185,8 @@ fn a_game_without_a_value_is_refused() {
     }
 }
 
-/// V = max(l, −g) is > 0 wherever g < 0, so the set is empty if an obstacle covers the target.
+/// V = max(l, −g) is > 0 wherever g < 0. Therefore the set is empty if an obstacle covers the
+/// target.
 #[test]
 fn an_obstacle_that_covers_the_target_is_refused() {
     let depth = |[x, y]: [f64; 2]| hypot(x, y) - 0.7;
@@ -212,12 +213,12 @@ fn an_obstacle_that_covers_the_target_is_refused() {
     let of = |region| refused(new().with_avoid(Region::Static(region)));
     assert_eq!(of(&depth), say("avoid", "negative", "target"));
     assert_eq!(of(&|_| -1.0), say("avoid", "negative", "grid"));
-    // The old sign convention where the new one is expected.
+    // A function with the old sign convention, where the new one is expected.
     assert_eq!(of(&positive_inside), say("avoid", "negative", "target"));
     #[allow(deprecated, reason = "it still means what it meant")]
     let old = |region| new().with_obstacle(Region::Static(region));
     assert_eq!(refused(old(&|_| 1.0)), say("obstacle", "positive", "grid"));
-    // Half of the target is free; a target outside the grid is not an error.
+    // Here, half of the target is free. A target outside the grid is not an error.
     assert!(solve(new().with_avoid(Region::Static(&shared))).is_ok());
     let far = |_: [f64; 2]| 1.0;
     let nowhere = Problem::new(&game, grid, Region::Static(&far), Horizon::Finite(0.1));
@@ -249,7 +250,8 @@ fn a_solve_stops_when_told_to() {
     assert_eq!((stopped.map(|s| s.steps), calls), (Err(SolveError::Cancelled), 3));
 }
 
-/// With |u| ≤ 1 all of [−2, 2] reaches the target's centre in 2 s; then nothing changes.
+/// With |u| ≤ 1, every state in [−2, 2] reaches the target's centre within 2 s. After that, nothing
+/// changes.
 #[test]
 fn a_march_ends_when_nothing_changes() {
     let game = Drift { drift: [0.0], speed: [1.0] };

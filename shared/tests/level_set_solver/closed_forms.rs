@@ -2,10 +2,10 @@
 
 use super::*;
 
-/// Error bound where V has a kink. Numerical diffusion of Δx (1 − cfl)/2 turns max(y, 0) into
-/// √(diffusion · T/π) at y = 0 in T seconds at speed 1, and initially the bottom of a valley rises
-/// by half a cell. Schemes of higher order are better in the end, and within two cells from the
-/// start.
+/// Error bound where V has a kink. The upwind scheme at speed 1 has the numerical diffusion D = Δx
+/// (1 − cfl)/2. After T seconds, it has raised max(y, 0) at y = 0 to √(D · T/π). In addition, the
+/// bottom of a valley initially rises by half a cell. The errors of schemes of higher order are
+/// smaller in the end, and within two cells from the start.
 pub(crate) fn kink_bound(dx: f64, cfl: f64, seconds: f64, scheme: Scheme) -> f64 {
     if scheme == Scheme::Upwind {
         0.5 * dx + (0.5 * dx * (1.0 - cfl) * seconds / PI).sqrt()
@@ -14,9 +14,9 @@ pub(crate) fn kink_bound(dx: f64, cfl: f64, seconds: f64, scheme: Scheme) -> f64
     }
 }
 
-/// ẋ = u with |u| ≤ 1 reaches from x everything within T: the interval |x| ≤ r is reached from |x|
-/// ≤ r + T, and V = max(|x| − T, 0) − r, forward and backward, tube and set, since the system may
-/// wait at the best place.
+/// The system ẋ = u with |u| ≤ 1 moves by at most T. The interval |x| ≤ r is therefore reached from
+/// |x| ≤ r + T, and V = max(|x| − T, 0) − r. This holds forward and backward, for tubes and sets,
+/// because the system may wait at the best place.
 #[test]
 fn an_interval_grows_at_full_speed() {
     let (game, radius) = (Drift { drift: [0.0], speed: [1.0] }, 0.5);
@@ -26,14 +26,15 @@ fn an_interval_grows_at_full_speed() {
             for scheme in SCHEMES {
                 let axes = [Axis::bounded(-4.0, 4.0, 201)];
                 let problem = problem(&game, axes, &target, (kind, direction), 1.5);
-                // With a larger one, two one-sided ENO2 stencils together are unstable.
+                // With a larger CFL number, the combination of two one-sided ENO2 stencils is
+                // unstable.
                 let settings = settings(scheme).with_cfl(0.5);
                 let solution = solved::<f64, 1, _>(&problem, &settings);
                 let exact = |[x]: [f64; 1]| (x.abs() - 1.5).max(0.0) - radius;
                 let name = format!("interval {kind:?} {direction:?} {}", scheme.name());
                 let all = errors(&name, &solution, |_| true, exact);
                 let bound = kink_bound(solution.grid.axes[0].spacing(), 0.5, 1.5, scheme);
-                // The edge of the set, at |x| = 2, and everything beyond.
+                // The edge of the set, at |x| = 2, and everything beyond it.
                 let edge = |[x]: [f64; 1]| x.abs() > 1.99;
                 let edge = errors(&format!("{name}, outside"), &solution, edge, exact);
                 let edge_bound = if scheme == Scheme::Upwind { 2e-4 } else { 5e-6 };
@@ -43,7 +44,7 @@ fn an_interval_grows_at_full_speed() {
     }
 }
 
-/// ẋ = c without players on a circle: V(x, T) = l(x + cT) backward and l(x − cT) forward; T is one
+/// ẋ = c on a circle, without players. V(x, T) = l(x + cT) backward and l(x − cT) forward. T is one
 /// and a third revolutions.
 #[test]
 fn a_profile_travels_around_a_periodic_axis() {
@@ -60,16 +61,16 @@ fn a_profile_travels_around_a_periodic_axis() {
     }
 }
 
-/// Minimum of |x + vt + (effect of u)| over |u| ≤ a at exactly time t: u moves the end by at most
-/// at²/2 either way.
+/// The minimum of |x + vt + (effect of u)| over |u| ≤ a at exactly time t. The input u moves the
+/// final position by at most at²/2 in either direction.
 pub(crate) fn least_distance([x, v]: [f64; 2], a: f64, t: f64) -> f64 {
     ((x + v * t).abs() - 0.5 * a * t * t).max(0.0)
 }
 
 /// The double integrator ẋ = v, v̇ = u, |u| ≤ a, and the strip |x| ≤ r. At exactly T, V = max(|x +
-/// vT| − aT²/2, 0) − r. Within T, V is the minimum of these over t ≤ T; while x + vt keeps its
-/// sign, |x + vt| − at²/2 is concave in t, so its minimum is at t = 0, at T, or 0 where x + vt
-/// changes sign. Forward, v → −v.
+/// vT| − aT²/2, 0) − r. Within T, V is the minimum of this expression over t ≤ T. While x + vt
+/// keeps its sign, |x + vt| − at²/2 is concave in t, so its minimum is at t = 0 or t = T. Where x +
+/// vt changes sign, the maximum is 0. Forward, v is replaced by −v.
 #[test]
 fn a_double_integrator_reaches_a_strip() {
     let (a, radius, seconds) = (1.0, 0.5, 1.2);
@@ -87,7 +88,7 @@ fn a_double_integrator_reaches_a_strip() {
                 }
                 least - radius
             };
-            // Where neither paths nor the smearing of a kink come near the ends.
+            // Here, neither trajectories nor the smearing of a kink come near the ends of the grid.
             let inside = |[x, v]: [f64; 2]| x.abs() < 2.5 && v.abs() < 1.5;
             let mut coarse: Option<Errors> = None;
             for half in [40, 80] {
@@ -110,9 +111,9 @@ fn a_double_integrator_reaches_a_strip() {
     }
 }
 
-/// Minimum of |z(T)| of the double integrator: the maximum over unit vectors p of p·Φz − a ∫₀ᵀ |p₁
-/// s + p₂| ds (Hopf), or 0 if that is negative: the distance of Φz from the convex set that the
-/// input can undo.
+/// The minimum of |z(T)| of the double integrator, by the Hopf formula. It is the maximum over unit
+/// vectors p of p·Φz − a ∫₀ᵀ |p₁ s + p₂| ds, or 0 if this maximum is negative. In other words, it
+/// is the distance of Φz from the convex set that the input can compensate.
 pub(crate) fn least_range([x, v]: [f64; 2], a: f64, t: f64) -> f64 {
     let margin = |angle: f64| {
         let (p2, p1) = sin_cos(angle);
@@ -140,9 +141,9 @@ pub(crate) fn least_range([x, v]: [f64; 2], a: f64, t: f64) -> f64 {
     margin(0.5 * (low + high)).max(0.0)
 }
 
-/// The double integrator and the disc of radius r about the origin, at exactly T. {V ≤ −r}, the
-/// states that reach the origin itself, agrees with the textbook's minimum time to the origin
-/// (bang-bang with one switch on x = −v|v|/2a).
+/// The double integrator and the disc of radius r around the origin, at exactly T. {V ≤ −r} is the
+/// set of states that reach the origin itself. It agrees with the textbook's minimum time to the
+/// origin (bang-bang with one switch on x = −v|v|/2a).
 #[test]
 fn a_double_integrator_reaches_a_disc() {
     let (a, radius, seconds) = (1.0, 0.5, 1.2);
@@ -179,8 +180,8 @@ fn a_double_integrator_reaches_a_disc() {
     }
 }
 
-/// Four single integrators with drift, ẋ_d = c_d + u_d, |u_d| ≤ s_d, and a ball: at T,
-/// V = |(max(|x_d + c_d T| − s_d T, 0))_d| − r; forward with −c_d.
+/// Four single integrators with drift, ẋ_d = c_d + u_d, |u_d| ≤ s_d, and a ball. At T, V =
+/// |(max(|x_d + c_d T| − s_d T, 0))_d| − r. Forward, c_d is replaced by −c_d.
 #[test]
 fn a_ball_is_reached_in_four_dimensions() {
     let (radius, seconds) = (0.6, 0.5);
@@ -207,7 +208,7 @@ fn a_ball_is_reached_in_four_dimensions() {
     }
 }
 
-/// Two double integrators at once, each of which must be in its strip at T: the inputs are
+/// Two double integrators at once, each of which must be in its strip at T. The inputs are
 /// independent, so V is the larger of the two closed forms.
 #[test]
 fn two_double_integrators_reach_a_square() {
@@ -234,9 +235,10 @@ fn two_double_integrators_reach_a_square() {
     }
 }
 
-/// ẋ = u, |u| ≤ 1, the target |x| ≤ r and an impassable wall of half width w about b: with the
-/// height h(x) = w − |x − b| of the wall, V = max(max(|x| − T, 0) − r, h(x)) before its middle;
-/// beyond, the way leads over its top: max(x − T − r, w) while T suffices to reach the top.
+/// ẋ = u, |u| ≤ 1, with the target |x| ≤ r and an impassable wall of half width w around b. The
+/// height of the wall is h(x) = w − |x − b|. Before the middle of the wall, V = max(max(|x| − T, 0)
+/// − r, h(x)). Beyond the middle, the way leads over the top of the wall, so V = max(x − T − r, w)
+/// while T suffices to reach the top.
 #[test]
 fn a_wall_keeps_off_what_lies_behind_it() {
     let (radius, width, wall, seconds) = (0.5, 0.5, 2.0, 3.0);
@@ -262,8 +264,8 @@ fn a_wall_keeps_off_what_lies_behind_it() {
         };
         let bound = kink_bound(dx, settings(scheme).cfl, seconds, scheme);
         assert!(all.max <= bound, "{all:?}");
-        // The set ends at −3.5, where nothing is in the way, and at the wall, at 1.5; nothing comes
-        // through it.
+        // The set ends at −3.5, where nothing is in the way, and at the wall, at 1.5. Nothing comes
+        // through the wall.
         let edge_bound = if scheme == Scheme::Upwind { 2e-4 } else { 1e-4 };
         assert!(within("free edge", -4.5, -3.4) <= edge_bound);
         assert!(within("edge at the wall", 1.4, 1.9) <= 1e-12);
@@ -271,9 +273,10 @@ fn a_wall_keeps_off_what_lies_behind_it() {
     }
 }
 
-/// ẋ = u, |u| ≤ 1 and an interval that moves at c > 1, faster than x can: l = |x − cτ| − r at time
-/// τ before the end. It is met now or, where it sweeps over x, met without moving: V = max(−x − T,
-/// x − cT, 0) − r.
+/// ẋ = u, |u| ≤ 1, and an interval that moves at c > 1, faster than x can. At time τ before the
+/// end, l = |x − cτ| − r. A state that the interval sweeps over meets it without moving. Any other
+/// state is closest to the interval at the beginning or at the end. Therefore V = max(−x − T, x −
+/// cT, 0) − r.
 #[test]
 fn a_moving_interval_is_met() {
     let (radius, speed, seconds) = (0.5, 1.25, 1.5);
@@ -292,8 +295,8 @@ fn a_moving_interval_is_met() {
             errors(&name, &solution, |[x]: [f64; 1]| low < x && x < high, exact).max
         };
         assert!(all.max <= kink_bound(dx, settings(scheme).cfl, seconds, scheme), "{all:?}");
-        // Both edges of the set, at −2 and 2.375; ahead of the interval V is the target itself,
-        // whatever the stages of a step are.
+        // The edges of the set are at −2 and 2.375. Ahead of the interval, V equals the target
+        // function, whatever the stages of a time step are.
         assert!(within("behind", -4.5, -1.9) <= 5e-5);
         assert!(within("ahead", 2.275, 4.5) <= 1e-12);
     }

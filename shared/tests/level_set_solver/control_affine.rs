@@ -1,10 +1,10 @@
-//! Games from f and G against the same games written by hand.
+//! Games that are defined by f and G, compared with the same games written by hand.
 
 use super::*;
 use sidestep::reachability::{ControlAffine, DubinsCar, Players, PursuitGame, RelativeDubins};
 use sidestep::vehicle::VehicleModel;
 
-/// Solves both on the same grid; they may differ only by rounding.
+/// Solves both games on the same grid. The solutions may differ only by rounding errors.
 fn compare<const D: usize>(
     axes: [Axis; D],
     by_hand: &impl Game<D>,
@@ -22,8 +22,8 @@ fn compare<const D: usize>(
             let found = solved::<f64, D, _>(&affine, &settings);
             assert_eq!(found.steps, expected.steps);
             let worst = gap(&expected, &found);
-            // The error of single precision depends on the march; a game written by hand measures
-            // it.
+            // The error of single precision depends on the march. The game written by hand shows
+            // its size.
             let hand_single = gap(&expected, &solved::<f32, D, _>(&hand, &settings));
             let single = gap(&expected, &solved::<f32, D, _>(&affine, &settings));
             let name = scheme.name();
@@ -31,13 +31,13 @@ fn compare<const D: usize>(
                 "{D}-D {direction:?} {name}: {worst:.1e}, f32 {single:.2e}, by hand {hand_single:.2e}"
             );
             assert!(worst < 1e-12, "{worst}");
-            // Other roundings of the same size: neither accumulates to twice the other.
+            // The two games round differently, but their errors have the same size.
             assert!(single < 2.0 * hand_single, "{single} {hand_single}");
         }
     }
 }
 
-/// The largest difference at any node.
+/// The maximum difference over all nodes.
 fn gap<T: Real, const D: usize>(expected: &Solution<f64, D>, found: &Solution<T, D>) -> f64 {
     let pairs = expected.values.iter().zip(&found.values);
     pairs.fold(0.0, |worst, (a, b)| worst.max((a - b.to_f64()).abs()))
@@ -53,7 +53,7 @@ fn a_double_integrator() {
     compare(axes, &DoubleIntegrator { acceleration_mps2: 1.3 }, &affine, 0.8);
 }
 
-/// A range that is not symmetric, a periodic axis and no maximising player.
+/// The input range is not symmetric, one axis is periodic, and there is no maximising player.
 #[test]
 fn a_dubins_car() {
     let axes =
@@ -80,7 +80,7 @@ fn affine_pursuit(axes: [Axis; 3]) -> ControlAffine<3, 1, 1> {
         .unwrap()
 }
 
-/// Two players, and a matrix that depends on the state.
+/// There are two players, and a matrix that depends on the state.
 #[test]
 fn a_pursuit() {
     let axes =
@@ -145,7 +145,7 @@ fn bad_games_are_refused() {
     let one = Grid { axes: [Axis::bounded(0.0, 1.0, 1)] };
     assert_eq!(ControlAffine::new(one, |_| [0.0]).unwrap_err().field, "grid.axes[0].nodes");
 
-    // Another grid, with nodes elsewhere or beyond.
+    // Other grids than the game's, with nodes elsewhere or outside.
     for other in [Axis::bounded(-1.0, 1.0, 6), Axis::bounded(-1.5, 1.5, 7)] {
         let (game, target) = (still(), |[x, _]: [f64; 2]| x);
         let problem = problem(&game, [other, axes[1]], &target, (Kind::Set, BACKWARD), 1.0);

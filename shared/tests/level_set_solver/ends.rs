@@ -1,9 +1,9 @@
-//! Ends of the grid.
+//! Behaviour at the ends of the grid.
 
 use super::*;
 
-/// A car in a valley that is too weak to drive straight out of it: ẋ = v, v̇ = 0.0015 u − 0.0025
-/// cos 3x, |u| ≤ 1 (Moore's mountain car). Its goal is x ≥ 0.45, including everything beyond the
+/// Moore's mountain car: a car in a valley that is too weak to drive straight out of it, with ẋ =
+/// v, v̇ = 0.0015 u − 0.0025 cos 3x, |u| ≤ 1. Its goal is x ≥ 0.45, including everything beyond the
 /// grid on that side.
 struct Valley;
 
@@ -29,8 +29,8 @@ impl Game<2> for Valley {
     }
 }
 
-/// Time of a car that always pushes in its direction of motion, except that it brakes on the far
-/// hill, where it would roll off the grid: an upper bound of the minimum time.
+/// An upper bound on the minimum time: the time of a car that always pushes in its direction of
+/// motion, except that it brakes on the far hill, where it would roll off the grid.
 fn swinging([mut x, mut v]: [f64; 2]) -> f64 {
     let (step, mut elapsed) = (0.01, 0.0);
     while x < 0.45 && elapsed < 500.0 {
@@ -57,14 +57,14 @@ fn a_car_gets_out_of_a_valley() {
                 solved(&problem, &Settings::new(scheme).with_threads(2).with_slices(40));
             let all = solution.earlier.iter().chain([&solution.values]).flatten();
             let least = all.copied().fold(f32::MAX, f32::min);
-            // The minimum of the target: 0.45 − 0.7.
+            // This is the minimum of the target, 0.45 − 0.7.
             assert!((least + 0.25).abs() < 1e-6, "{scheme:?} {boundary:?}: {least}");
-            // Even at full power downhill, 0.004 m/s², it does not get 0.95 m away within 20 s.
+            // Even at full power downhill, 0.004 m/s², the car does not move 0.95 m within 20 s.
             let early = solution.at_march_time(20.0).unwrap().value(start).unwrap();
             let late = solution.value(start).unwrap();
             let found = solution.time_to_reach(start).unwrap();
             eprintln!("{} {boundary:?}: {early:.3}, {late:.3}, {found:.1} s", scheme.name());
-            // Upwind smears the thin spirals of a hundred seconds.
+            // The upwind scheme smears the thin spirals that form in a hundred seconds.
             assert!(
                 early > 0.0 && (late <= 0.0 && found < 1.2 * needed || scheme == Scheme::Upwind)
             );
@@ -72,7 +72,7 @@ fn a_car_gets_out_of_a_valley() {
     }
 }
 
-/// ẋ = −1: V(x, T) = l(x − T), and beyond the lower end l = x continues, or is constant.
+/// For ẋ = −1, V(x, T) = l(x − T). Beyond the lower end, l = x is extrapolated or constant.
 #[test]
 fn values_continue_beyond_the_ends_as_the_axis_says() {
     let game = Drift { drift: [-1.0], speed: [0.0] };
@@ -92,7 +92,7 @@ fn values_continue_beyond_the_ends_as_the_axis_says() {
             let exact = |[x]: [f64; 1]| (x - 0.6).max(lowest);
             let name = format!("{} {boundary:?} {kind:?}", scheme.name());
             let all = errors(&name, &solution, |_| true, exact);
-            // A kink is smeared by a cell or two of 0.05.
+            // A kink is smeared over one or two cells of 0.05.
             let most = if lowest == -1.6 { 1e-12 } else { 0.06 };
             assert!(all.max <= most, "{all:?}");
         }
@@ -101,7 +101,7 @@ fn values_continue_beyond_the_ends_as_the_axis_says() {
 
 #[test]
 fn it_says_which_values_depend_on_what_is_outside() {
-    // At full speed, 1.5 m/s, from x = ±2.5 to the ends at ±4.
+    // At full speed, 1.5 m/s, trajectories from x = ±2.5 just reach the ends at ±4.
     let game = Drift { drift: [0.5, 0.0], speed: [1.0, 0.0] };
     let target = |[x, _]: [f64; 2]| x.abs() - 0.5;
     let axes = [Axis::bounded(-4.0, 4.0, 81), Axis::bounded(0.0, 1.0, 5)];
@@ -128,9 +128,9 @@ fn it_says_which_values_depend_on_what_is_outside() {
     assert_eq!(solution.earliest_exit_s([3.0]).unwrap(), Some(f64::INFINITY));
 }
 
-/// ẋ = −1: only nodes above the lower end by the horizon or less depend on values beyond it. The
-/// marks are based on speeds without direction: they include all of these nodes, and as many at the
-/// upper end.
+/// For ẋ = −1, only nodes whose distance from the lower end is at most the horizon depend on values
+/// beyond this end. The marks are based on speeds without direction, so they include all these
+/// nodes, and as many nodes at the upper end.
 #[test]
 fn marks_leave_no_node_out_and_are_the_same_at_both_ends() {
     let game = Drift { drift: [-1.0], speed: [0.0] };
@@ -148,8 +148,8 @@ fn marks_leave_no_node_out_and_are_the_same_at_both_ends() {
     }
 }
 
-/// Values at unmarked nodes are the same on a larger grid, except for influence through stencils a
-/// few nodes wide.
+/// Values at unmarked nodes equal the values on a larger grid, except for the influence of
+/// stencils, which are a few nodes wide.
 #[test]
 fn values_that_do_not_depend_on_the_outside_are_those_of_a_larger_grid() {
     let game = DoubleIntegrator { acceleration_mps2: 1.0 };

@@ -1,4 +1,4 @@
-//! Solutions as NumPy archives.
+//! Solutions stored as NumPy archives.
 
 use super::*;
 
@@ -38,7 +38,7 @@ fn other_bytes_are_refused_by_name() {
         }
         refused(&bytes)
     };
-    // The checksums are of the original bytes.
+    // The checksums belong to the original bytes.
     let damaged = |name: &str| format!("{name}: expected bytes that match the archive's checksum");
     assert!(changed(b"npz/1", b"npz/2").starts_with(&damaged("meta")));
     assert!(
@@ -64,8 +64,8 @@ fn damaged_arrays_are_refused() {
             changed += 1;
         }
     }
-    // For each of the seven arrays, ZIP has two records with such metadata, of 76 bytes without
-    // names.
+    // For each of the seven arrays, ZIP has two records with such metadata, together 76 bytes
+    // without names.
     assert!(changed <= 7 * 76, "{changed} of {}", bytes.len());
 }
 

@@ -1,11 +1,12 @@
-//! The first sufficient time, and the inputs then.
+//! The minimum time to reach a target, and the inputs that achieve it.
 
 use super::*;
 use sidestep::reachability::{DubinsCar, Players};
 
 #[test]
 fn the_time_to_reach_a_target_is_known() {
-    // |x| ≤ 0.5 at 1 m/s against 0.25 m/s: 0.75 m/s or 1.25 m/s.
+    // The car reaches |x| ≤ 0.5 at 1 m/s, with or against a drift of 0.25 m/s, so at 1.25 m/s or
+    // 0.75 m/s.
     let game = Drift { drift: [0.25], speed: [1.0] };
     let target = |[x]: [f64; 1]| x.abs() - 0.5;
     let axes = [Axis::bounded(-4.0, 4.0, 161)];

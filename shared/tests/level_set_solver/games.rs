@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// Speeds that vary in direction from place to place, a minimising and a maximising player, and a
-/// Hamiltonian that is neither convex nor concave; for the twin.
+/// A game for the twin. Its velocities change direction from place to place, it has a minimising
+/// and a maximising player, and its Hamiltonian is neither convex nor concave.
 pub(crate) struct Twisted;
 
 impl<const D: usize> Game<D> for Twisted {
@@ -60,7 +60,7 @@ impl<const D: usize> Game<D> for Drift<D> {
     }
 }
 
-/// Two independent double integrators with accelerations up to `.0`: (x, v, y, w).
+/// Two independent double integrators with the state (x, v, y, w) and accelerations up to `.0`.
 pub(crate) struct TwoMasses(pub(crate) f64);
 
 impl Game<4> for TwoMasses {

@@ -1,6 +1,6 @@
-//! The Cartesian level-set solver against a plain reimplementation (twin), against closed forms in
-//! one to four dimensions, against the exact value of the pursuit game, and against input that it
-//! must refuse.
+//! Tests of the Cartesian level-set solver: against a plain reimplementation (twin), against closed
+//! forms in one to four dimensions, against the exact value of the pursuit game, and with input
+//! that it must reject.
 //!
 //! Each test prints its measurements (`cargo test --release -- --nocapture`).
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
@@ -74,7 +74,7 @@ fn bumpy<const D: usize>(x: [f64; D], time: f64) -> f64 {
     bowl.max(waves)
 }
 
-/// Negative inside a ball that drifts.
+/// A function that is negative inside a moving ball.
 fn ball<const D: usize>(x: [f64; D], time: f64) -> f64 {
     x.into_iter().fold(-0.45, |height, x| height + (1.0 - cos(x - 1.13 - 0.8 * time)))
 }
@@ -86,7 +86,7 @@ struct Errors {
     max: f64,
 }
 
-/// Errors at the nodes of `region` against `exact`.
+/// The errors of a solution against `exact`, at the nodes in `region`.
 fn errors<T: Real, const D: usize>(
     name: &str,
     solution: &Solution<T, D>,

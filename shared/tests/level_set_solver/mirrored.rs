@@ -30,7 +30,8 @@ fn grid([x, y, psi]: [usize; 3], first: f64) -> Grid<3> {
     Grid { axes: [x, y, Axis::periodic(first, first + TAU, psi)] }
 }
 
-/// V by halves and on the whole grid, at the end and at two instants before it.
+/// V solved on half of the nodes, and V solved on the whole grid, each at the end and at two
+/// earlier instants.
 fn both(grid: Grid<3>, scheme: Scheme, region: Region<'_, 3>, forward: bool) -> [Vec<f64>; 2] {
     let settings = Settings::new(scheme).with_threads(2).with_slices(2);
     let direction = if forward { Direction::Forward } else { Direction::Backward };
@@ -52,8 +53,8 @@ fn both(grid: Grid<3>, scheme: Scheme, region: Region<'_, 3>, forward: bool) -> 
 
 #[test]
 fn half_of_the_nodes_give_all_values() {
-    // With the plain target, two ENO2 stencils are equally smooth in the middle, so rounding
-    // decides.
+    // With the plain target, two ENO2 stencils are equally smooth in the middle, so rounding errors
+    // would decide between them.
     let target = |[x, y, psi]: [f64; 3]| {
         let (sin, cos) = sin_cos(psi);
         hypot(x, y) - 2.5 + 0.2 * y * sin + 0.3 * cos
@@ -66,7 +67,7 @@ fn half_of_the_nodes_give_all_values() {
             let [half, whole] = both(grid, scheme, Region::Static(&target), forward);
             assert_eq!(half.len(), 3 * grid.len());
             let gaps = half.iter().zip(&whole).map(|(a, b)| (a - b).abs());
-            // ENO3 still has such ties: third differences on both sides of the middle.
+            // ENO3 still has such ties, between third differences on both sides of the middle.
             let (found, most) = match scheme {
                 Scheme::Eno3 => (gaps.sum::<f64>() / half.len() as f64, 1e-3),
                 _ => (gaps.fold(0.0, f64::max), 1e-9),
@@ -87,8 +88,8 @@ fn half_of_the_nodes_give_all_values() {
     }
 }
 
-/// A target on one side, or one that moves, is not symmetric: the result is bit for bit that of the
-/// whole grid.
+/// A target on one side or a moving target is not symmetric. The result then equals the result on
+/// the whole grid, bit for bit.
 #[test]
 fn problems_without_the_symmetry_are_solved_as_a_whole() {
     let aside = |[x, y, _]: [f64; 3]| hypot(x, y - 1e-6) - 2.5;

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// log₂ of the ratio of mean errors with `nodes` nodes per axis and with twice as many.
+/// log₂ of the ratio of two mean errors, with `nodes` nodes per axis and with twice as many.
 pub(crate) fn observed_order(name: &str, nodes: usize, error: impl Fn(usize) -> Errors) -> f64 {
     let order = ln(error(nodes).mean / error(2 * nodes).mean) / LN_2;
     eprintln!("{name}: order {order:.2}");
@@ -19,7 +19,7 @@ pub(crate) fn check_order(scheme: Scheme, order: f64) {
     assert!(fits, "{scheme:?}: order {order}");
 }
 
-/// V_τ = c·∇V on the torus: l moves unchanged.
+/// V_τ = c·∇V on the torus, so l moves without changing its shape.
 #[test]
 fn each_scheme_has_its_order_for_a_smooth_drift() {
     let game = Drift { drift: [1.0, -0.6], speed: [0.0; 2] };
@@ -59,9 +59,9 @@ fn each_scheme_has_its_order_before_a_kink_forms() {
     }
 }
 
-/// A known limit of the method, shared by the twin: where the dissipation exceeds the slope, ENO3
-/// may choose its outermost stencils on both sides, whose fastest mode decays at 20/3 speeds per
-/// cell; TVD-RK3 is stable up to 2.51, that is for a share of 0.377.
+/// A known limit of the method, which the twin shares. Where the dissipation exceeds the slope,
+/// ENO3 may choose its outermost stencils on both sides. Their fastest mode decays at 20/3 speeds
+/// per cell. TVD-RK3 is stable up to 2.51, which corresponds to a CFL number of 0.377.
 #[test]
 fn eno3_loses_its_order_with_long_steps() {
     let order = steepening_order(Scheme::Eno3, 0.75);

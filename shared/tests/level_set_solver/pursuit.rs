@@ -1,9 +1,9 @@
-//! The exact value of the pursuit game.
+//! The pursuit game, compared with its exact value.
 
 use super::measure::{Accuracy, HORIZON_S, MITCHELL, air3d_grid, solve_over};
 use super::*;
 
-/// Mitchell, Bayen and Tomlin 2005 (air3D), with settings as in other packages.
+/// The game air3D of Mitchell, Bayen and Tomlin (2005), with the settings that other packages use.
 #[test]
 fn the_pursuit_game_has_its_volume_and_its_zero_level() {
     let exact = MITCHELL.exact().expect("identical vehicles");
@@ -17,7 +17,7 @@ fn the_pursuit_game_has_its_volume_and_its_zero_level() {
         );
         (volume_percent, mean_dx)
     };
-    // The same measures of the exact values at the same nodes.
+    // The same measures for the exact values at the same nodes.
     let nodes = (0..grid.len()).map(|at| exact.value(grid.node(grid.index(at))) as f32);
     let (volume, level) = report("exact", &nodes.collect::<Vec<_>>());
     assert!(volume.abs() <= 0.05 && level <= 0.01, "{volume} {level}");

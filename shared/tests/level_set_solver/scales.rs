@@ -1,11 +1,11 @@
-//! Large and small numbers within one problem.
+//! Large and small numbers in one problem.
 
 use super::*;
 use sidestep::reachability::{DoubleIntegrator, DubinsCar};
 
 const CAR: DubinsCar = DubinsCar { speed_mps: 1.0, turn_rate_radps: (-1.0, 1.0) };
 const SECONDS: f64 = 3.0;
-/// The obstacle: a disc of this radius, m, about (1.3, 0). The car drives to the origin.
+/// Radius of the obstacle (m), which is a disc around (1.3, 0). The car drives to the origin.
 const RADIUS: f64 = 0.5;
 const HALF_SIDE: f64 = 3.0;
 
@@ -32,12 +32,12 @@ fn tube<T: Real>(
     solved(&problem, &Settings::new(scheme).with_threads(2).with_slices(2))
 }
 
-/// How much larger, in cells, an obstacle may seem if its edge is a jump of V.
+/// Number of cells by which an obstacle may seem larger if V jumps at its edge.
 const CELLS: f64 = 3.0;
 
-/// Whatever height represents an obstacle, the tube is between that of the obstacle as a distance
-/// and that of one larger by some cells, the width of a jump of V. A larger obstacle only shrinks
-/// the tube.
+/// Whatever height represents an obstacle, the tube lies between two other tubes. One is the tube
+/// for the obstacle as a signed distance, the other the tube for an obstacle that is larger by some
+/// cells, the width of a jump of V. A larger obstacle only shrinks the tube.
 fn check_heights<T: Real>(scheme: Scheme, epsilon: f64) {
     let grid = Grid { axes: axes() };
     let cell = grid.axes[0].spacing();
@@ -76,7 +76,8 @@ fn an_obstacle_may_have_any_height() {
     }
 }
 
-/// A plane with a wall, and a target that is 0.5 deep.
+/// Solves a game in the plane, with an optional obstacle and a target that is 0.5 deep. If the
+/// solver warns that little of V is left, returns the lowest V and the lowest value of the target.
 fn shallow(kind: Kind, avoid: Option<&(dyn Fn([f64; 2]) -> f64 + Sync)>) -> Option<[f64; 2]> {
     let axes = [Axis::bounded(-3.0, 3.0, 61), Axis::bounded(-2.0, 2.0, 41)];
     let game = Drift { drift: [0.0; 2], speed: [1.0; 2] };
@@ -94,7 +95,7 @@ fn shallow(kind: Kind, avoid: Option<&(dyn Fn([f64; 2]) -> f64 + Sync)>) -> Opti
 #[test]
 fn an_obstacle_that_leaves_little_of_v_is_told() {
     let distance = |[x, y]: [f64; 2]| hypot(x - 1.3, y) - 0.5;
-    // Between walls that leave 0.3 m on each side.
+    // Two walls with a corridor between them, 0.3 m on each side of the axis.
     let corridor = |[_, y]: [f64; 2]| 0.3 - y.abs();
     for kind in [Kind::Tube, Kind::Set] {
         let indicator = |height: f64| {
@@ -112,7 +113,7 @@ fn an_obstacle_that_leaves_little_of_v_is_told() {
     }
 }
 
-/// Where there is no passage between walls, V far from them is as accurate as beside a distance
+/// Without a passage between walls, V far from the walls is as accurate as with a distance
 /// function.
 #[test]
 fn one_low_wall_turns_few_signs() {
@@ -138,9 +139,9 @@ fn one_low_wall_turns_few_signs() {
     }
 }
 
-/// max(l, g) ≤ M where max(l, min(g, M)) ≤ M, and |l| ≤ M: a wall higher than any magnitude of the
-/// target gives bit for bit the V of one of that magnitude, and its own height where it is. It may
-/// move, and so may the target.
+/// Let M be the maximum of |l|. A wall that is higher than M gives the same V as a wall of height
+/// M, bit for bit, and its own height inside the wall, because max(l, min(g, M)) = min(max(l, g),
+/// M). The wall and the target may move.
 #[test]
 fn a_wall_above_the_target_is_as_good_as_any_other() {
     let side = |nodes| Axis::bounded(-3.0, 3.0, nodes);
@@ -165,7 +166,7 @@ fn a_wall_above_the_target_is_as_good_as_any_other() {
     });
     for (kind, moves) in cases {
         for scheme in SCHEMES {
-            // The largest magnitude of a static target is 2.5.
+            // The maximum magnitude of a static target is 2.5.
             let low = march(if moves[0] { 4.0 } else { 2.5 }, scheme, kind, moves);
             for height in [10.0, 1e3, 1e6, 1e9, 1e30] {
                 let high = march(height, scheme, kind, moves);
@@ -184,9 +185,9 @@ fn a_wall_above_the_target_is_as_good_as_any_other() {
     }
 }
 
-/// An obstacle only raises V: beside walls, around them and in passages between them, states that
-/// are unreachable without them stay unreachable. Passages of one node and more along either axis,
-/// and discs.
+/// An obstacle only raises V. States that are unreachable without walls must therefore stay
+/// unreachable beside walls, around them, and in passages between them. The fields have discs, and
+/// passages of one node or more along either axis.
 #[test]
 fn no_wall_opens_a_way() {
     let axes = [Axis::bounded(-3.0, 3.0, 61), Axis::bounded(-2.0, 2.0, 41)];
@@ -233,10 +234,11 @@ fn no_wall_opens_a_way() {
     }
 }
 
-/// A target {l ≤ 0} as the minimum of l over a rectangle of given half sides about a point.
+/// A target {l ≤ 0}, given as the minimum of l over a rectangle around a point, with these half
+/// sides.
 type Least = fn([f64; 2], [f64; 2]) -> f64;
 
-/// Distance of the interval of half width `half` about `x` from `centre`.
+/// Distance of `centre` from the interval of half width `half` around `x`.
 fn gap(x: f64, half: f64, centre: f64) -> f64 {
     ((x - centre).abs() - half).max(0.0)
 }
@@ -245,8 +247,8 @@ fn square(x: f64) -> f64 {
     x * x
 }
 
-/// Slopes of 1; slopes that increase, that differ by axis, and that are low at the target and high
-/// elsewhere.
+/// Targets with a slope of 1, and targets whose slopes increase, differ by axis, or are low at the
+/// target and high elsewhere.
 const TARGETS: [Least; 6] = [
     |[x, _], [a, _]| gap(x, a, 0.0) - 0.5,
     |[x, y], [a, b]| hypot(gap(x, a, 0.0), gap(y, b, 0.0)) - 0.5,
@@ -259,8 +261,8 @@ const TARGETS: [Least; 6] = [
 /// Number of fields of walls.
 const FIELDS: usize = 72;
 
-/// Cells of a field of walls about its centre, in cells of the grid: corridors of one to four nodes
-/// along both axes and diagonally, closed rooms, discs and scattered blocks.
+/// A field of walls around its centre, in units of grid cells: corridors of one to four nodes along
+/// both axes and diagonally, closed rooms, discs and scattered blocks.
 struct Walls {
     shape: usize,
     free: f64,
@@ -299,9 +301,9 @@ impl Walls {
     }
 }
 
-/// The same for low walls beside targets of any slope, varying from place to place; walls may move.
-/// Within T, ẋ = c + u with |u_d| ≤ s_d reaches the rectangles about x + cτ that grow by sτ, whose
-/// minimum of l bounds V from below.
+/// Like `no_wall_opens_a_way`, but for low walls beside targets of any slope, which may vary from
+/// place to place. The walls may move. Within T, ẋ = c + u with |u_d| ≤ s_d reaches rectangles
+/// around x + cτ whose half sides are sτ. The minimum of l over them is a lower bound on V.
 #[test]
 fn no_wall_opens_a_way_beside_a_steep_target() {
     let mut rng = SeededRng::new(11);
@@ -337,8 +339,8 @@ fn no_wall_opens_a_way_beside_a_steep_target() {
                 instants.map(|k| at(x, 0.01 * f64::from(k) * seconds)).fold(f64::INFINITY, f64::min)
             })
             .collect();
-        // A front is accurate to half a cell, which corresponds to this share of the steepest
-        // difference at the node.
+        // A front is accurate to half a cell. This corresponds to half of the maximum difference
+        // between the node and its neighbours.
         let close_to = |at: usize| {
             let index = grid.index(at);
             let mut most = 0.0_f64;
@@ -402,7 +404,7 @@ fn check_equivariance<T: Real>(exponents: [i32; 4]) {
     }
 }
 
-/// V(s l, s g) = s V(l, g), to the bit for powers of two.
+/// V(s l, s g) = s V(l, g), bit for bit if s is a power of two.
 #[test]
 fn units_of_v_do_not_matter() {
     check_equivariance::<f32>([-60, -1, 13, 90]);

@@ -5,7 +5,7 @@ use sidestep::reachability::cartesian::Snapshot;
 use sidestep::reachability::{DubinsCar, Inputs, Players, PursuitGame, RelativeDubins};
 use sidestep::vehicle::VehicleModel;
 
-/// Nothing moves, so V is exactly the target at every node.
+/// A solution in which nothing moves, so that V is exactly the target at every node.
 fn sampled<const D: usize>(
     axes: [Axis; D],
     function: &(dyn Fn([f64; D]) -> f64 + Sync),
@@ -27,7 +27,7 @@ fn smooth_axes(half: usize) -> [Axis; 3] {
     ]
 }
 
-/// Mean errors of value and gradient at random states outside the outermost cells.
+/// Mean errors of the value and of the gradient, at random states outside the outermost cells.
 fn interpolation_errors(half: usize) -> [f64; 2] {
     let solution = sampled(smooth_axes(half), &smooth);
     let mut rng = SeededRng::new(3);
@@ -75,7 +75,7 @@ fn it_is_exact_at_nodes_and_its_gradient_is_its_own() {
         for d in 0..3 {
             let axis = solution.grid.axes[d];
             let place = (state[d] - axis.low) / axis.spacing();
-            // Avoid differences across a face.
+            // Avoid differences across a face of a cell.
             if (place - place.round()).abs() < 1e-3 {
                 continue;
             }
@@ -99,13 +99,13 @@ fn at_a_kink_it_stays_between_the_nodes() {
     for i in 0..=1000 {
         let x = -1.0 + f64::from(i) / 500.0;
         let error = solution.value([x]).unwrap() - ridge([x]);
-        // A quarter of the spacing, 0.1, times the jump of the slope, 2.
+        // A quarter of the spacing (0.1) times the jump of the slope (2).
         assert!((-1e-12..=0.05).contains(&error), "{x}: {error}");
     }
 }
 
-/// Between two walls V stays between the values at its nodes, however high the walls and wherever
-/// they are on the grid.
+/// Between two walls, V stays between the values at the nodes, however high the walls are and
+/// wherever they are on the grid.
 #[test]
 fn between_two_walls_it_stays_between_the_nodes() {
     for (height, free) in [(3.0, 1.5), (100.0, 1.5), (1e5, -0.4), (1e9, 1e-3)] {
@@ -129,8 +129,8 @@ fn drifting() -> (Drift<1>, [Axis; 1]) {
     (Drift { drift: [1.5], speed: [0.4] }, [Axis::periodic(0.0, TAU, 100)])
 }
 
-/// The values at a stored instant are bit for bit those of a shorter march; between two instants
-/// they are linear.
+/// The values at a stored instant equal the values of a shorter march, bit for bit. Between two
+/// instants, they are linear in time.
 #[test]
 fn slices_are_shorter_marches() {
     let (game, axes) = drifting();
@@ -147,7 +147,7 @@ fn slices_are_shorter_marches() {
     let bits = |values: Vec<f64>| values.into_iter().map(f64::to_bits).collect::<Vec<_>>();
     for part in 1..=4_u32 {
         let tau = 0.25 * f64::from(part);
-        // The same number of steps for each quarter.
+        // Each quarter has the same number of steps.
         let shorter = bits(march(tau, part as usize).values);
         assert_eq!(bits(whole.at_march_time(tau).unwrap().values()), shorter, "τ = {tau}");
         assert_eq!(bits(whole.at_time(1.0 - tau).unwrap().values()), shorter, "t = 1 − {tau}");
@@ -165,7 +165,7 @@ fn slices_are_shorter_marches() {
     assert!((slope(0.3125) - (0.75 * slope(0.25) + 0.25 * slope(0.5))).abs() < 1e-12);
 }
 
-/// The clock of a region runs forward in both directions.
+/// The clock of a region runs forward in both directions of the march.
 #[test]
 fn regions_go_by_either_time() {
     let (game, axes) = drifting();
@@ -189,7 +189,7 @@ fn regions_go_by_either_time() {
     }
 }
 
-/// p · f at the optimal inputs is the Hamiltonian, and neither player gains by another input.
+/// At the optimal inputs, p · f is the Hamiltonian, and neither player gains by another input.
 fn check_players<const D: usize, const M: usize, const K: usize, G>(
     game: &G,
     ranges: (&[[f64; 2]; M], &[[f64; 2]; K]),
@@ -225,7 +225,8 @@ fn the_games_know_their_optimal_inputs() {
     check_players(&RelativeDubins(game), (&[[-0.8, 0.8]], &[[-0.5, 0.5]]));
 }
 
-/// A mass driven by the solution's inputs arrives when its value predicts, by the clock.
+/// A mass that follows the solution's inputs by the clock ends as close to the target as V
+/// predicts.
 #[test]
 fn its_inputs_steer_to_the_target() {
     let game = DoubleIntegrator { acceleration_mps2: 1.0 };
@@ -245,7 +246,7 @@ fn its_inputs_steer_to_the_target() {
             let inputs = now.inputs(&game, state).unwrap();
             let velocity = game.velocity(state, &inputs);
             let seconds = 1.2 / STEPS as f64;
-            // The mean speed of the step.
+            // Move by the mean speed of the step.
             let [speed, rate] = velocity;
             state =
                 [state[0] + seconds * (speed + 0.5 * seconds * rate), state[1] + seconds * rate];

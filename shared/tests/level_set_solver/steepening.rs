@@ -1,5 +1,5 @@
-//! A smooth problem that steepens to a kink: V_τ = −(∂V/∂x)²/2 from cos x, on a circle. Also
-//! measured by the example `validate`.
+//! A smooth problem that steepens to a kink: V_τ = −(∂V/∂x)²/2 on a circle, starting from cos x.
+//! The example `validate` also measures it.
 
 use sidestep::math::{cos, sin};
 use sidestep::reachability::{Game, Real, TERMS};
@@ -23,13 +23,13 @@ impl Game<1> for Steepening {
     }
 }
 
-/// Horizon, s: half the time until a kink forms.
+/// Horizon (s), which is half the time until a kink forms.
 pub(crate) const SECONDS: f64 = 0.5;
 
-/// V at [`SECONDS`]. Slopes are constant along characteristics: with p = −sin x₀, x = x₀ + pτ and V
+/// V at [`SECONDS`]. Slopes are constant along characteristics. With p = −sin x₀, x = x₀ + pτ and V
 /// = cos x₀ + p²τ/2.
 pub(crate) fn exact(x: f64) -> f64 {
-    // x₀ − τ sin x₀ = x by bisection: its derivative is positive for τ < 1.
+    // Solve x₀ − τ sin x₀ = x by bisection. The derivative of the left side is positive for τ < 1.
     let (mut low, mut high) = (x - 1.0, x + 1.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);

@@ -1,9 +1,9 @@
-//! Threads, lanes and number types.
+//! Numbers of threads, SIMD lanes and number types.
 
 use super::*;
 
-/// The bits do not depend on the number of threads and lanes; f32 differs from f64 by at most
-/// `single`, relative to the largest |V|.
+/// The bits of V do not depend on the number of threads and lanes. f32 differs from f64 by at most
+/// `single`, relative to the maximum |V|.
 pub(crate) fn compare_threads<const D: usize>(axes: [Axis; D], seconds: f64, single: f64) {
     let grid = Grid { axes };
     assert!(grid.len() >= 50_000, "small grids use one thread whatever is asked for");

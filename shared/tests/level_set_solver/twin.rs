@@ -1,28 +1,28 @@
-//! The solver against a plain reimplementation (twin).
+//! The solver, compared with a plain reimplementation (twin).
 
 use super::*;
 use core::cell::{Cell, RefCell};
 
-/// The solver's method written straight from the textbooks: one node after another, in f64, with
-/// the printed formulas (Osher and Fedkiw 2003, sections 3.2–3.5 and 5.3; Shu and Osher 1988).
+/// The solver's method, written straight from the textbooks: node by node, in f64, with the printed
+/// formulas (Osher and Fedkiw 2003, sections 3.2–3.5 and 5.3; Shu and Osher 1988).
 pub(crate) struct Twin<'a, const D: usize, G> {
     pub(crate) problem: &'a Problem<'a, D, G>,
-    /// Negative inside.
+    /// The obstacle, whose function is negative inside.
     pub(crate) avoid: Option<Region<'a, D>>,
     pub(crate) scheme: Scheme,
     /// The minimum and the maximum of the target so far.
     pub(crate) seen: Cell<[f64; 2]>,
-    /// The target's steepest slope.
+    /// The steepest slope of the target.
     pub(crate) slope: Cell<f64>,
-    /// Whether the obstacle has had jumps.
+    /// Whether the obstacle has had a jump so far.
     pub(crate) jumps: Cell<bool>,
-    /// Nearness of each node to jumps whose height the slope hides: 8 at the jump, and one less per
-    /// cell. Empty if there are none.
+    /// Closeness of each node to jumps whose height the slope hides: 8 at the jump, and one less
+    /// per cell. Empty if there are no such jumps.
     pub(crate) near: RefCell<Vec<f64>>,
 }
 
 impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
-    /// Value at `index`, shifted by `offset` nodes along `axis`, including ghosts.
+    /// The value at `index`, shifted by `offset` nodes along `axis`. Includes ghost nodes.
     fn at(&self, value: &[f64], mut index: [usize; D], axis: usize, offset: isize) -> f64 {
         let grid = &self.problem.grid;
         let Axis { nodes, boundary, .. } = grid.axes[axis];
@@ -44,14 +44,14 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
         };
         let (mut slope, next) = ((end - before).abs(), before - deeper);
         if self.jumps.get() && end < 0.0 {
-            // The smaller of the two at the edge.
+            // Use the smaller of the two slopes at the edge.
             slope = if (end > before) == (before > deeper) { slope.min(next.abs()) } else { 0.0 };
         }
         end + distance as f64 * slope * if end < 0.0 { -1.0 } else { 1.0 }
     }
 
-    /// Whether the face between the nodes `before` and `before` + 1 beyond `index` is first order,
-    /// because V jumps there.
+    /// Whether the derivative at the face between the nodes `before` and `before` + 1, counted from
+    /// `index`, is first order because V jumps there.
     fn is_plain(&self, value: &[f64], index: [usize; D], axis: usize, before: isize) -> bool {
         let v: [f64; 6] =
             core::array::from_fn(|k| self.at(value, index, axis, before + k as isize - 2));
@@ -77,14 +77,14 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
                         && is_rough)
     }
 
-    /// A difference along `axis` that is far steeper than the target.
+    /// Differences along `axis` above this are far steeper than the target.
     fn steep(&self, axis: usize) -> f64 {
         4.0 * self.slope.get() * self.problem.grid.axes[axis].spacing()
     }
 
-    /// Finds jumps: where the obstacle at `time`, clamped to the target's values, changes between
-    /// two neighbours by more than a quarter of its range, and by four times as much as beside
-    /// them; and which of these jumps are at passages.
+    /// Finds jumps, and marks the jumps at passages. At a jump, the obstacle at `time`, clamped to
+    /// the target's values, changes between two neighbours by more than a quarter of its range, and
+    /// by more than four times as much as on both sides.
     fn look(&self, time: f64) {
         let (grid, Some(avoid)) = (&self.problem.grid, &self.avoid) else { return };
         if self.problem.kind == Kind::Tube {
@@ -107,8 +107,8 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
                     let is_steep = beside.iter().all(|beside| rise(k).abs() > 4.0 * beside);
                     rise(k).abs() > 0.25 * range && is_steep
                 };
-                // Whether there is another wall, or the end, within six nodes of the foot of this
-                // one.
+                // Whether another wall, or the end of the grid, is within six nodes of the foot of
+                // this wall.
                 let is_passage = |k: isize| {
                     (1..=6).any(|nodes| {
                         let other = if rise(k) > 0.0 { k - nodes } else { k + nodes };
@@ -154,7 +154,7 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
         self.seen.set([fold(low, f64::min), fold(high, f64::max)]);
     }
 
-    /// Left and right derivative along `axis`.
+    /// The left and the right derivative along `axis`.
     fn slopes(&self, value: &[f64], index: [usize; D], axis: usize) -> [f64; 2] {
         let h = self.problem.grid.axes[axis].spacing();
         let v = |i: isize| self.at(value, index, axis, i);
@@ -218,7 +218,7 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
         core::array::from_fn(|d| self.problem.game.terms(d, x[d]))
     }
 
-    /// value + seconds · (H + dissipation).
+    /// One Euler step: value + seconds · (H + dissipation).
     fn moved(&self, value: &[f64], seconds: f64) -> Vec<f64> {
         let sign = if self.problem.direction == Direction::Forward { -1.0 } else { 1.0 };
         let node = |position: usize| {
@@ -263,7 +263,8 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
         value
     }
 
-    /// keep · old + (1 − keep) · source moved by `dt`, clamped to target and obstacle at `time`.
+    /// One Runge–Kutta stage: keep · old + (1 − keep) · (source moved by `dt`), clamped to the
+    /// target and the obstacle at `time`.
     fn stage(&self, keep: f64, old: &[f64], source: &[f64], dt: f64, time: f64) -> Vec<f64> {
         self.look(time);
         self.mixed(keep, old, &self.moved(source, dt), time)
@@ -292,7 +293,7 @@ fn neighbour<const D: usize>(grid: &Grid<D>, position: usize, d: usize, k: isize
     Some(index.iter().zip(grid.axes).fold(0, |n, (i, axis)| n * axis.nodes + i))
 }
 
-/// V by the twin, with the share `cfl` of the largest stable step.
+/// V computed by the twin, with the CFL number `cfl`.
 pub(crate) fn by_twin<'a, const D: usize, G: Game<D>>(
     problem: &'a Problem<'a, D, G>,
     avoid: Option<Region<'a, D>>,
@@ -340,7 +341,7 @@ pub(crate) fn by_twin<'a, const D: usize, G: Game<D>>(
 pub(crate) fn compare_with_twin<const D: usize>(axes: [Axis; D], seconds: f64) {
     let still_target = |x| bumpy(x, 0.0);
     let still_ball = |x| ball(x, 0.0);
-    // Low, so that it is nowhere above the target.
+    // The wall is so low that it is nowhere above the target.
     let wall = |x| if ball(x, 0.0) < 0.0 { -0.3 } else { 0.3 };
     let target = Region::Static(&still_target);
     let cases = [
@@ -383,7 +384,8 @@ pub(crate) fn compare_with_twin<const D: usize>(axes: [Axis; D], seconds: f64) {
             }
             mean_single = mean_single.max(sum / twin.len() as f64);
         }
-        // ENO chooses between stencils: rounding decides a tie, and a derivative jumps.
+        // ENO chooses between stencils. Rounding errors decide a tie, and the derivative then
+        // jumps.
         let [mean, max] = match scheme {
             Scheme::Upwind => [1e-7, 1e-6],
             Scheme::Weno5 => [1e-6, 5e-6],
@@ -399,7 +401,7 @@ pub(crate) fn compare_with_twin<const D: usize>(axes: [Axis; D], seconds: f64) {
 
 #[test]
 fn the_twin_agrees_in_one_dimension() {
-    // More cells than one of the solver's blocks, and fewer.
+    // The axes have more cells than one of the solver's blocks, and fewer.
     compare_with_twin([Axis::periodic(0.0, TAU, 601)], 0.1);
     compare_with_twin([Axis::bounded(-2.1, 2.4, 57)], 0.5);
     compare_with_twin([Axis::bounded(-2.1, 2.4, 57).with_boundary(Boundary::Constant)], 0.5);

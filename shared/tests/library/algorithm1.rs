@@ -1,5 +1,5 @@
-//! The paper's claims about Algorithm 1 (Theorem 1 and its corollaries), on random learned
-//! functions, widenings, numbers of actions and horizons; and a claim that is not a theorem.
+//! The paper's claims about Algorithm 1 (Theorem 1 and its corollaries), tested with random models,
+//! widenings, numbers of actions and horizons. Also tests a claim that is not a theorem.
 
 use std::cell::RefCell;
 
@@ -13,7 +13,7 @@ use sidestep::reach::{PolygonSettings, ReachableSet};
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::vehicle::{Pose, dubins};
 
-/// An arbitrary function of the whole history: its values for two histories are unrelated. The
+/// An arbitrary function of the whole history, so its values for two histories are unrelated. The
 /// weights are small integers, so that there are many ties.
 struct Arbitrary {
     seed: u64,
@@ -39,7 +39,7 @@ impl ActionModel for Arbitrary {
     }
 }
 
-/// A random problem: all inputs of Algorithm 1.
+/// A random problem with all inputs of Algorithm 1.
 struct Problem {
     history: Vec<JointState>,
     motion: Motion,
@@ -94,7 +94,7 @@ impl Problem {
     }
 }
 
-/// Increasing random widenings, the last one large enough for the full range.
+/// Random widenings in ascending order. The last one is large enough for the full range.
 fn widenings(rng: &mut SeededRng) -> Vec<f64> {
     let mut epsilon = vec![if rng.below(3) == 0 { 0.0 } else { rng.uniform(0.0, 0.5) }];
     for _ in 0..rng.below(5) {
@@ -114,11 +114,12 @@ fn lies_within(inner: &InputBounds, outer: &InputBounds) -> bool {
 
 const PROBLEMS: u64 = 10_000;
 
-/// Theorem 1: F_j ⊆ F_{j+1}, since every action admissible for F_j is admissible for F_{j+1}. Also
-/// the second corollary's premise: F_F allows every turn rate, so it contains every trajectory.
+/// Theorem 1: F_j ⊆ F_{j+1}, because every action that is admissible for F_j is admissible for
+/// F_{j+1}. Also tests the premise of the second corollary: F_F admits every turn rate, so it
+/// contains every trajectory.
 #[test]
 fn within_one_run_sets_are_nested() {
-    // One workspace for all: state left from the previous run must not matter.
+    // All runs share one workspace, because state left from the previous run must not matter.
     let mut algorithm = Algorithm1::default();
     for seed in 0..PROBLEMS {
         let problem = Problem::random(seed);
@@ -132,7 +133,7 @@ fn within_one_run_sets_are_nested() {
         let last = &found.sets[found.sets.len() - 1];
         assert!(last.lo().iter().all(|&lo| lo == least), "problem {seed}");
         assert!(last.hi().iter().all(|&hi| hi == most), "problem {seed}");
-        // Every bound is accepted by the checked constructor.
+        // The checked constructor accepts all bounds.
         for set in &found.sets {
             InputBounds::new(set.lo().to_vec(), set.hi().to_vec(), (least, most)).unwrap();
         }
@@ -141,8 +142,8 @@ fn within_one_run_sets_are_nested() {
     }
 }
 
-/// Corollaries 1 and 2: a trajectory inside F_j is inside F_{j+1}, so shares of trajectories
-/// increase, and the last one is 1.
+/// Corollaries 1 and 2: a trajectory inside F_j is inside F_{j+1}. Therefore the shares of
+/// trajectories increase with j, and the last share is 1.
 #[test]
 fn shares_of_trajectories_ascend_to_one() {
     let mut algorithm = Algorithm1::default();
@@ -153,7 +154,7 @@ fn shares_of_trajectories_ascend_to_one() {
         let (least, most) = problem.motion.human_turn_rate;
         let mut inside = vec![0; found.sets.len()];
         for _ in 0..20 {
-            // Some drive at random, some near the bounds before widening.
+            // Some drive at random, and some near the bounds before widening.
             let wide = rng.uniform(0.0, 0.5);
             let inputs: Vec<f64> = (found.raw.iter())
                 .map(|&(lo, hi)| rng.uniform(lo - wide, hi + wide + 1e-9).clamp(least, most))
@@ -170,7 +171,7 @@ fn shares_of_trajectories_ascend_to_one() {
     }
 }
 
-/// Only with these roll-outs does a larger ε never give a smaller set.
+/// Only with base roll-outs does a larger ε never give a smaller set.
 #[test]
 fn with_base_rollouts_sets_grow_with_epsilon() {
     let mut algorithm = Algorithm1::default();
@@ -185,7 +186,7 @@ fn with_base_rollouts_sets_grow_with_epsilon() {
     }
 }
 
-/// Chooses left or right at random when it looks straight ahead, otherwise certainly drives
+/// A person who turns left or right at random when looking straight ahead, and otherwise drives
 /// straight.
 struct Undecided;
 
@@ -202,9 +203,10 @@ impl ActionModel for Undecided {
     }
 }
 
-/// Not a theorem: the paper's roll-outs follow the bounds of F_1 itself, so a wider F_1 evaluates
-/// the model in other states. Here ε_1 = 0.16 rad/s leaves the states in which the human is
-/// undecided between left and right, and gives a set that does not contain that of ε_1 = 0.15.
+/// Not a theorem, because the paper's roll-outs follow the bounds of F_1 itself, so a wider F_1
+/// evaluates the model in other states. Here, the roll-outs with ε_1 = 0.16 rad/s leave the states
+/// in which the human is undecided between left and right. The resulting set does not contain the
+/// set with ε_1 = 0.15.
 #[test]
 fn with_the_papers_rollouts_a_larger_epsilon_can_give_a_smaller_set() {
     let history = [JointState { human: Pose::new(0.0, 0.0, 0.0), robot: Pose::new(9.0, 0.0, 3.0) }];
@@ -224,7 +226,7 @@ fn with_the_papers_rollouts_a_larger_epsilon_can_give_a_smaller_set() {
     assert!(sticks_out(Rollout::Base) < 1e-4, "{}", sticks_out(Rollout::Base));
 }
 
-/// The model gets the past, and then the states of one roll-out.
+/// The model gets the past, followed by the states of one roll-out.
 #[test]
 fn the_model_sees_the_past_and_one_rollout() {
     struct Listening(RefCell<Vec<Vec<JointState>>>);
@@ -248,7 +250,8 @@ fn the_model_sees_the_past_and_one_rollout() {
     let parameters = SceneParameters::default();
     let found = input_bounds(&history, &parameters, &model, |_| 0.0, &settings).unwrap();
     let asked = model.0.into_inner();
-    // Once for the present, which both roll-outs share, then for each of them.
+    // The model is called once for the present, which both roll-outs share, and then for each
+    // roll-out.
     assert_eq!(asked.iter().map(Vec::len).collect::<Vec<_>>(), [4, 5, 5, 6, 6]);
     assert_eq!(asked[0], history);
     for (i, states) in asked.iter().enumerate() {
@@ -261,9 +264,9 @@ fn the_model_sees_the_past_and_one_rollout() {
     assert_eq!(found.high[1].human, human(&found.high, 0.1));
 }
 
-/// Drawn sets satisfy the theorem as far as polygons can: the vertices of F_j are in F_{j+1}, whose
-/// edges are within the requested accuracy. Where headings span more than a quarter turn, polygons
-/// exceed it a few times at sharp corners.
+/// Polygons satisfy the theorem up to their accuracy: the vertices of F_j are in F_{j+1}, up to the
+/// requested accuracy of its edges. Where headings span more than a quarter turn, polygons exceed
+/// the accuracy a few times at sharp corners.
 #[test]
 fn drawn_sets_are_nested_within_their_accuracy() {
     let mut algorithm = Algorithm1::default();

@@ -21,7 +21,7 @@ use std::sync::OnceLock;
 const STEPS: usize = 10;
 const TARGETS: [f64; 3] = [0.75, 0.9, 0.95];
 
-/// The comparison of every family on the split and the windows of `seed`.
+/// Compares all families on the split and the windows of `seed`.
 fn compare(seed: u64, points: usize) -> Pareto {
     static SAFETY: OnceLock<SafetyLevels> = OnceLock::new();
     let parameters = SceneParameters::default();
@@ -61,7 +61,7 @@ fn compare(seed: u64, points: usize) -> Pareto {
     pareto(&mut families, &sample.calibration, &sample.test, &settings).expect("a comparison")
 }
 
-/// One comparison, computed once.
+/// One comparison, which is computed only once.
 fn compared() -> &'static Pareto {
     static COMPARED: OnceLock<Pareto> = OnceLock::new();
     COMPARED.get_or_init(|| compare(1, 60))
@@ -73,8 +73,8 @@ fn rows(family: &str) -> Vec<&'static ParetoRow> {
     rows
 }
 
-/// The area of everything is 16/3 m² (reference/shfrs: closed form), and every trajectory is
-/// inside.
+/// The area of everything that is reachable is 16/3 m² (closed form of reference/shfrs), and every
+/// trajectory is inside.
 #[test]
 fn the_worst_case_holds_everything() {
     for row in rows("worst case") {
@@ -83,8 +83,8 @@ fn the_worst_case_holds_everything() {
     }
 }
 
-/// Conformal levels reach the target coverage on average: over the splits of twelve seeds, the mean
-/// coverage of a family is below the target by at most three standard errors.
+/// Conformal levels reach the target coverage on average. Over the splits of twelve seeds, the mean
+/// coverage of a family is at most three standard errors below the target.
 #[test]
 fn calibrated_levels_cover_what_was_asked() {
     let splits: Vec<Pareto> = (0..12).map(|seed| compare(seed, 2)).collect();
@@ -104,7 +104,7 @@ fn calibrated_levels_cover_what_was_asked() {
     }
 }
 
-/// Every family is nested: more coverage needs a higher level and no smaller area.
+/// Every family is nested, so more coverage needs a higher level and an area that is no smaller.
 #[test]
 fn areas_and_levels_grow_with_the_target() {
     let found = compared();
@@ -118,8 +118,8 @@ fn areas_and_levels_grow_with_the_target() {
     }
 }
 
-/// Nested sets have increasing areas, also where steps that exclude straight driving follow each
-/// other with a bound that is nearly 0 but not 0: hard for the front.
+/// Nested sets have increasing areas. The bounds here are hard for the front: steps that exclude
+/// straight driving follow each other, with a bound that is nearly but not exactly 0.
 #[test]
 fn areas_grow_with_the_level() {
     let rate = 0.5;
@@ -142,8 +142,8 @@ fn areas_grow_with_the_level() {
     }
 }
 
-/// By definition of a score, the window is inside at that level, so all windows are inside at the
-/// level of the largest score.
+/// By the definition of a score, a window is inside at the level of its score. Therefore all
+/// windows are inside at the level of the largest score.
 #[test]
 fn the_last_level_of_a_curve_holds_all() {
     for curve in &compared().curves {

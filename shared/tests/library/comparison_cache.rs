@@ -1,7 +1,7 @@
-//! Cached parts of a comparison are not computed again, changed parts are, cancelling stops it, and
-//! people who cannot be compared are left out.
+//! The cache of a comparison. Cached parts are not computed again, changed parts are, cancelling
+//! stops the computation, and people who cannot be compared are left out.
 
-// Helpers outside `#[test]` functions are tests too.
+// Clippy permits `unwrap` in `#[test]` functions. Helpers outside them are also test code.
 #![allow(clippy::unwrap_used)]
 
 use sidestep::comparison::cell::Cell;
@@ -19,7 +19,7 @@ use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Caches everything, and counts the entries added since the last query.
+/// A cache that stores everything, and counts the entries that were added since the last query.
 #[derive(Default)]
 struct Counting {
     kept: Mutex<HashMap<String, Vec<Cell>>>,
@@ -82,8 +82,8 @@ fn only_what_changed_is_computed_again() {
     let cache = Counting::default();
     let mut settings = Settings::new().unwrap();
     let first = study.run(&settings, &cache, &go_on).unwrap();
-    // For each person four families on nine sets, three models beyond the paper, and two on three
-    // sets trained on the other person.
+    // For each person: four families on nine sets, three models beyond the paper, and two models on
+    // three sets trained on the other person.
     assert_eq!(cache.computed(), 2 * (4 * 9 + 3 + 2 * 3));
     assert_eq!(study.run(&settings, &cache, &go_on).unwrap(), first);
     assert_eq!(cache.computed(), 0);
@@ -96,25 +96,25 @@ fn only_what_changed_is_computed_again() {
     assert!(papers.unseen.is_empty() && papers.importance.is_empty());
     settings.paper_only = false;
 
-    // Another grid: one family, on every set.
+    // Another grid affects one family, on every set.
     settings.grids.tree_depth.pop();
     study.run(&settings, &cache, &go_on).unwrap();
     assert_eq!(cache.computed(), 2 * (9 + 3));
 
-    // Another set: only that set, in each family.
+    // Another set adds only this set, in each family.
     let features = FeatureSet::of(&["distance", "robot_ahead", "robot_left"]).unwrap();
     settings.sets.push(NamedSet { name: "place".into(), features });
     let further = study.run(&settings, &cache, &go_on).unwrap();
     assert_eq!(cache.computed(), 2 * 4);
     assert_eq!(further.comparison.cells.len(), 2 * 2 * 5 * 10);
 
-    // Also leakage: the other split of one set.
+    // The leakage adds the other split, of one set.
     settings.leakage = true;
     study.run(&settings, &cache, &go_on).unwrap();
     assert_eq!(cache.computed(), 2 * 4);
 
-    // One label of one person changed: their models, and those in which one person trains the
-    // other's.
+    // One label of one person changes. This affects the person's models, and the models that are
+    // trained on one person and tested on the other.
     let mut other = Study::new();
     let label = &mut other.people[1].data.labels[0];
     *label = if *label == TurnInput::Left { TurnInput::Right } else { TurnInput::Left };
@@ -130,7 +130,7 @@ fn only_what_changed_is_computed_again() {
 fn who_cannot_be_fitted_is_left_out_and_the_others_are_compared() {
     let mut study = Study::new();
     let settings = Settings::new().unwrap();
-    // The second person always turns, the first has a feature that is not a number.
+    // The second person always turns. The first person has a feature that is not a number.
     let mut third = study.people[1].clone();
     third.name = "2".to_owned();
     study.people.push(third);
@@ -167,7 +167,7 @@ fn what_is_broken_off_computes_no_more_than_had_begun() {
         if progress.done >= 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     assert_eq!(study.run(&settings, &cache, &enough), Err(AnalysisError::Stopped));
-    // Each thread may have finished one more.
+    // Each thread may have finished one more part.
     let computed = cache.computed();
     let threads = std::thread::available_parallelism().unwrap().get();
     assert!((5..5 + threads).contains(&computed), "{computed}");

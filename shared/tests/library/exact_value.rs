@@ -1,5 +1,6 @@
-//! Properties of the closed form of the game of two identical vehicles: it solves the game's
-//! equation, its derivatives are right, and both players achieve its value in play.
+//! Properties of the closed form of the game of two identical vehicles. It solves the game's
+//! equation, its derivatives are correct, and both players achieve its value when they play
+//! optimally.
 
 use proptest::prelude::*;
 use sidestep::math::{PI, SeededRng, TAU, hypot, sin_cos};
@@ -7,7 +8,7 @@ use sidestep::reachability::ExactValue;
 use sidestep::vehicle::Pose;
 use sidestep::vehicle::dubins::{arc, relative_state};
 
-/// v = 2 m/s, ω = 0.5 rad/s, R = 3 m.
+/// The paper's game: v = 2 m/s, ω = 0.5 rad/s, R = 3 m.
 fn paper() -> ExactValue {
     ExactValue::new(2.0, 0.5, 3.0).expect("a game")
 }
@@ -21,7 +22,7 @@ fn turning_radius_m(game: &ExactValue) -> f64 {
     game.speed_mps() / game.turn_rate_radps()
 }
 
-/// A relative state with the pursuer within a square of side 2·`span` turning radii.
+/// A relative state with the pursuer in a square whose half side is `span` turning radii.
 fn random_state(game: &ExactValue, span: f64, rng: &mut SeededRng) -> [f64; 3] {
     let span = span * turning_radius_m(game);
     [rng.uniform(-span, span), rng.uniform(-span, span), rng.uniform(-PI, PI)]
@@ -29,8 +30,8 @@ fn random_state(game: &ExactValue, span: f64, rng: &mut SeededRng) -> [f64; 3] {
 
 // ---- the equation -----------------------------------------------------------
 
-/// The switching functions (∂V/∂x·y − ∂V/∂y·x − ∂V/∂ψ, ∂V/∂ψ), which multiply the evader's and the
-/// pursuer's turn rate in dV/dt, and the remaining part.
+/// The switching functions ∂V/∂x·y − ∂V/∂y·x − ∂V/∂ψ and ∂V/∂ψ, which multiply the evader's and the
+/// pursuer's turn rate in dV/dt, and the remaining part of dV/dt.
 fn switching(game: &ExactValue, [x, y, psi]: [f64; 3], [p1, p2, p3]: [f64; 3]) -> [f64; 3] {
     let (sin, cos) = sin_cos(psi);
     [p1 * y - p2 * x - p3, p3, game.speed_mps() * (p1 * (cos - 1.0) + p2 * sin)]
@@ -67,7 +68,7 @@ fn the_turns_are_the_best_against_the_gradient() {
         let [evader, pursuer, _] = switching(&game, state, found.gradient);
         assert_eq!(found.evader_turn.abs(), rate);
         assert!(found.evader_turn * evader >= rate * evader.abs() - 1e-12, "{state:?} {found:?}");
-        // Straight is accepted within 10⁻⁴ rad of the surface where it is optimal.
+        // Driving straight is accepted within 10⁻⁴ rad of the surface on which it is optimal.
         let lost = found.pursuer_turn * pursuer + rate * pursuer.abs();
         assert!(lost <= rate * rho * 5.001e-9, "{lost} at {state:?} {found:?}");
         assert!([-rate, 0.0, rate].contains(&found.pursuer_turn));
@@ -92,7 +93,8 @@ fn the_gradient_is_that_of_the_value() {
                 game.analyze(state)
             };
             let ends: Vec<_> = (0..3).map(|i| [moved(i, -steps[i]), moved(i, steps[i])]).collect();
-            // Not across the kink, nor where a direction turns within a step.
+            // Skip states where the difference crosses the kink, or where the gradient changes much
+            // within a step.
             let is_smooth = ends.iter().flatten().all(|end| {
                 let bend = |i: usize| (end.gradient[i] - found.gradient[i]).abs();
                 end.evader_turn == found.evader_turn
@@ -121,7 +123,7 @@ fn on_the_kink_the_evader_turns_right() {
         let state = [x, 0.0, PI];
         let at = game.analyze(state);
         assert!(at.on_kink && at.evader_turn == -0.5, "{at:?}");
-        // Beside it V belongs to one of the two sheets, which are mirror images.
+        // Next to the kink, V belongs to one of two sheets, which are mirror images.
         let sides = [1e-7, -1e-7].map(|y| game.analyze([x, y, PI]));
         assert!(sides.iter().all(|side| !side.on_kink));
         let [left] = sides.iter().filter(|s| s.evader_turn > 0.0).collect::<Vec<_>>()[..] else {
@@ -142,16 +144,16 @@ fn on_the_kink_the_evader_turns_right() {
 #[test]
 fn an_opening_range_is_its_own_value() {
     let game = paper();
-    // Behind the evader and heading away from it.
+    // The pursuer is behind the evader and heads away.
     let found = game.analyze([-6.0, 8.0, 0.75 * PI]);
     assert_eq!(found.value, 7.0);
     assert!((found.gradient[0] + 0.6).abs() < 1e-15 && (found.gradient[1] - 0.8).abs() < 1e-15);
     assert_eq!((found.gradient[2], found.on_kink), (0.0, false));
-    // The evader turns away from the pursuer on its left, the pursuer towards the evader.
+    // The evader turns away from the pursuer on its left, and the pursuer turns towards the evader.
     assert_eq!((found.evader_turn, found.pursuer_turn), (-0.5, 0.5));
-    // Facing the evader, at the same heading: straight.
+    // If the pursuer faces the evader and both have the same heading, the pursuer drives straight.
     assert_eq!(game.analyze([-6.0, 0.0, 0.0]).pursuer_turn, 0.0);
-    // At the same position there is no direction.
+    // If both are at the same position, there is no direction.
     let found = game.analyze([0.0, 0.0, 1.0]);
     assert_eq!((found.value, found.gradient), (-3.0, [0.0; 3]));
 }
@@ -199,21 +201,21 @@ fn zero_on_the_barriers_of_the_reference() {
 
 // ---- play -------------------------------------------------------------------
 
-/// Turn of a vehicle between two decisions, rad. On the kink, a pursuer that decides first may
-/// choose the wrong side for one step, which costs it up to 2·|∂V/∂ψ| times this: with |∂V/∂ψ| ≤ ρ
-/// there, less than the 10⁻³ ρ allowed.
+/// The angle by which a vehicle turns between two decisions (rad). On the kink, a pursuer that
+/// decides first may choose the wrong side for one step. This costs it up to 2·|∂V/∂ψ| times this
+/// angle. With |∂V/∂ψ| ≤ ρ there, the cost is less than the 10⁻³ ρ that is allowed.
 const TURN_OF_A_STEP: f64 = 4e-4;
 
-/// How much worse than V the outcome of a play may be, in turning radii.
+/// How much worse than V the outcome of a play may be (turning radii).
 const SLACK: f64 = 1e-3;
 
-/// Plays against each habit.
+/// Number of plays against each habit.
 const PLAYS: usize = 120;
 
-/// Duration of a play, in half-circle turns; optimal play ends within one.
+/// Duration of a play (half-circle turns). Optimal play ends within one half circle.
 const HALF_CIRCLES: f64 = 1.5;
 
-/// The driven vehicle.
+/// The vehicle that is driven.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Role {
     Evader,
@@ -223,26 +225,27 @@ enum Role {
 /// A way of driving.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Habit {
-    /// Optimal by the analysis.
+    /// Optimal according to the analysis.
     Optimal,
-    /// The opposite of that.
+    /// The opposite of the optimal turn.
     Mirrored,
-    /// A constant share of the largest rate.
+    /// A constant fraction of the maximum turn rate.
     Constant(f64),
-    /// One bound, then the other, for random times.
+    /// One bound and then the other, each for a random time.
     BangBang,
-    /// Any rate, changed at random.
+    /// Any turn rate, which changes at random times.
     Restless,
-    /// The pursuer turns towards the evader, the evader away from the pursuer.
+    /// The pursuer turns towards the evader, and the evader turns away from the pursuer.
     PointBlank,
-    /// The pursuer turns towards where the evader will be a quarter of a turn later, the evader
-    /// away from there.
+    /// The pursuer turns towards the position that the evader will have a quarter of a turn later.
+    /// The evader turns away from the pursuer's future position.
     Lead,
-    /// The turn, held for a while, that leads to the best value, knowing the other's turn.
+    /// The turn that leads to the best value if it is held for a while, given the other vehicle's
+    /// turn.
     Greedy,
-    /// Optimal, but with a delay.
+    /// Optimal, but delayed.
     Late,
-    /// One constant bound, then another from a random time on.
+    /// One constant bound until a random time, and then another.
     OneSwitch,
 }
 
@@ -266,9 +269,9 @@ const HABITS: [Habit; 13] = [
 struct Driver {
     role: Role,
     habit: Habit,
-    /// The current share of the largest rate, for habits that hold it for a while.
+    /// The current fraction of the maximum turn rate, for habits that hold it for a while.
     share: f64,
-    /// Time of the next decision, rad of turning.
+    /// Time of the next decision (rad of turning).
     next: f64,
 }
 
@@ -285,13 +288,14 @@ impl Driver {
         }
     }
 
-    /// Turns towards (`x`, `y`) in its own frame if it pursues, away from there if it evades.
+    /// A pursuer turns towards (`x`, `y`) in its own frame, and an evader turns away from this
+    /// point.
     fn towards(&self, x: f64, y: f64) -> f64 {
         let (x, y) = if self.role == Role::Pursuer { (x, y) } else { (-x, -y) };
         if x > 0.0 && y.abs() < TURN_OF_A_STEP * x { 0.0 } else { y.signum() }
     }
 
-    /// The turn rate now; `other` is the other's, if known.
+    /// The current turn rate. `other` is the turn rate of the other vehicle, if known.
     fn decide(
         &mut self,
         game: &ExactValue,
@@ -362,7 +366,7 @@ impl Driver {
     }
 }
 
-/// Distance of the origin from the segment between two positions.
+/// Distance of the origin from the line segment between two positions.
 fn nearest_of_segment([ax, ay]: [f64; 2], [bx, by]: [f64; 2]) -> f64 {
     let (ux, uy) = (bx - ax, by - ay);
     let square = ux * ux + uy * uy;
@@ -370,8 +374,8 @@ fn nearest_of_segment([ax, ay]: [f64; 2], [bx, by]: [f64; 2]) -> f64 {
     hypot(ax + share * ux, ay + share * uy)
 }
 
-/// The smallest range, m, minus R when the game is played from `state`. The driver under test
-/// decides first, and the other may know its decision.
+/// The minimum range (m) minus R of a play from `state`. The driver under test decides first, and
+/// the other driver may know this decision.
 fn play(
     game: &ExactValue,
     state: [f64; 3],
@@ -402,7 +406,8 @@ fn play(
     nearest - game.radius_m()
 }
 
-/// A state on the kink, by bisection in y, if there is one near this state.
+/// A state on the kink near this state, found by bisection in y. Returns this state if there is no
+/// kink.
 fn kink(game: &ExactValue, [x, y, psi]: [f64; 3]) -> [f64; 3] {
     let mut ends = [-2.0, 2.0].map(|by| y + by * turning_radius_m(game));
     let turns_right = |y: f64| game.analyze([x, y, psi]).evader_turn < 0.0;
@@ -417,7 +422,7 @@ fn kink(game: &ExactValue, [x, y, psi]: [f64; 3]) -> [f64; 3] {
     [x, ends[0], psi]
 }
 
-/// Start of a play: anywhere, and on the surfaces where the optimal turns jump.
+/// The start of a play: any state, or a state on a surface where the optimal turns jump.
 fn start(game: &ExactValue, index: usize, rng: &mut SeededRng) -> [f64; 3] {
     let [x, y, psi] = random_state(game, 4.0, rng);
     match index % 8 {
@@ -429,8 +434,8 @@ fn start(game: &ExactValue, index: usize, rng: &mut SeededRng) -> [f64; 3] {
     }
 }
 
-/// Lets `tested` play optimally against every habit of the other. Its loss, by which the outcome
-/// differs from V to its disadvantage, must be within the slack.
+/// Lets `tested` play optimally against every habit of the other driver. Its loss, which is the
+/// difference of the outcome from V to its disadvantage, must be within the slack.
 fn check_play(tested: Role, seed: u64, loss: impl Fn(f64) -> f64) {
     for habit in HABITS {
         let mut rng = SeededRng::new(seed);
@@ -460,7 +465,7 @@ fn plays_begin_on_the_kink() {
     let game = paper();
     let on_kink = |index: usize, rng: &mut SeededRng| {
         let state = start(&game, index, rng);
-        // Off the axis of symmetry, which is only part of the kink.
+        // The state is not on the axis of symmetry, which is only a part of the kink.
         state[1].abs() > 1e-3 && game.analyze(state).on_kink
     };
     let found = (0..100).filter(|_| on_kink(1, &mut rng)).count();
@@ -509,8 +514,8 @@ fn a_bad_batch_names_the_row() {
 
 #[test]
 fn the_same_bits_everywhere() {
-    // FNV-1a over the bits. The constant was computed natively on x86-64 and in WebAssembly; a
-    // change of the formula may change it, another machine must not.
+    // FNV-1a over the bits. The constant was computed natively on x86-64 and in WebAssembly. A
+    // change of the formula may change it; another machine must not.
     let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
     let mut rng = SeededRng::new(32);
     for _ in 0..10_000 {
@@ -525,12 +530,12 @@ fn the_same_bits_everywhere() {
 
 // ---- properties -------------------------------------------------------------
 
-/// Relative states of the paper's game, x and y in m.
+/// Relative states of the paper's game, with x and y in m.
 fn any_state() -> impl Strategy<Value = [f64; 3]> {
     (-25.0..25.0f64, -25.0..25.0f64, -10.0..10.0f64).prop_map(|(x, y, psi)| [x, y, psi])
 }
 
-/// A heading at or near one where a formula changes, x and y on or near an axis.
+/// A heading at or near a heading where a formula changes, and a position on or near an axis.
 fn special_state() -> impl Strategy<Value = [f64; 3]> {
     let near = |places: [f64; 5]| {
         (prop::sample::select(places.to_vec()), prop::sample::select(vec![0.0, 1e-12, -1e-9, 1e-4]))
@@ -552,7 +557,7 @@ proptest! {
         let [x, y, psi] = s;
         let (here, there) = (paper().analyze(s), paper().analyze([x, -y, -psi]));
         prop_assert!((here.value - there.value).abs() < 1e-12);
-        // On the kink and straight ahead both images turn right.
+        // On the kink and straight ahead, both mirror images turn right.
         if !here.on_kink && !there.on_kink && y != 0.0 {
             prop_assert_eq!(here.evader_turn, -there.evader_turn);
         }
@@ -579,8 +584,8 @@ proptest! {
         prop_assert!(game.value(s) <= paper().value(s));
     }
 
-    /// |∂V/∂(x, y)| = 1 and |∂V/∂ψ| ≤ 2ρ: in particular V has no jump anywhere, neither between its
-    /// branches nor where the heading wraps.
+    /// |∂V/∂(x, y)| = 1 and |∂V/∂ψ| ≤ 2ρ. In particular, V has no jump anywhere, neither between
+    /// its branches nor where the heading wraps.
     #[test]
     fn changes_no_faster_than_its_gradient(
         s in state(),
@@ -612,7 +617,7 @@ proptest! {
         let found = paper().analyze([range * cos, range * sin, psi]);
         prop_assert!((found.value - range).abs() <= 1e-15 * range);
         prop_assert!(found.gradient.iter().all(|p| p.is_finite()));
-        // Also where the square of the range overflows.
+        // The same holds where the square of the range overflows.
         let (x, y) = (1e300 * cos, 1e300 * sin);
         prop_assert!((paper().value([x, y, psi]) / 1e300 - 1.0).abs() <= 1e-15);
     }

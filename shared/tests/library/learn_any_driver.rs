@@ -1,7 +1,7 @@
-//! Every model can be fitted to any driver: random ones, ones with rules that features separate
-//! perfectly, ones that rarely turn, and ones with few tasks.
+//! Every model can be fitted to any driver: random drivers, drivers whose rules features separate
+//! perfectly, drivers who rarely turn, and drivers with few tasks.
 
-// Helpers outside `#[test]` functions are tests too.
+// Clippy permits `unwrap` in `#[test]` functions. Helpers outside them are also test code.
 #![allow(clippy::unwrap_used)]
 
 use sidestep::comparison::fit::fit;
@@ -21,18 +21,18 @@ use std::ops::ControlFlow;
 enum Driver {
     /// Holds a random key for up to six steps.
     Random,
-    /// Straight while the robot is far away, then away from its side.
+    /// Drives straight while the robot is far away, and otherwise turns away from the robot's side.
     Rule,
-    /// One step in fifty.
+    /// Turns in one step of fifty.
     Rare,
-    /// Away from the robot's side while it is ahead, with an occasional random input.
+    /// Turns away from the robot's side while the robot is ahead, with an occasional random input.
     Mixed,
 }
 
 impl Driver {
     const ALL: [Self; 4] = [Self::Random, Self::Rule, Self::Rare, Self::Mixed];
 
-    /// An input, and the number of steps it is held.
+    /// An input, and the number of steps for which it is held.
     fn input(self, state: &JointState, rng: &mut SeededRng) -> (TurnInput, usize) {
         let [ahead, left, _] = state.robot_seen_by_human();
         let away = if left > 0.0 { TurnInput::Right } else { TurnInput::Left };
@@ -68,7 +68,7 @@ fn drives(driver: Driver, tasks: usize, seed: u64, safety: &SafetyLevels) -> Dat
     Dataset::from_trials(&FeatureSet::all(), safety, trials)
 }
 
-/// Fits `families` on `sets` to every kind of driver, for each of these seeds.
+/// Fits `models` on `sets` to every kind of driver, for each of these seeds.
 fn fitted(seeds: impl IntoIterator<Item = u64>, models: &[ModelName], sets: &[NamedSet]) {
     let parameters = SceneParameters::default();
     let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(())).unwrap();
@@ -111,7 +111,7 @@ fn every_model_is_fitted_whoever_drives() {
     fitted(0..3, &models, &[papers, body, all]);
 }
 
-/// With each of these seeds, linear SVMs with full correction of every step cycle.
+/// For each of these seeds, solvers of linear SVMs cycle if they fully correct every step.
 #[test]
 fn every_linear_svm_is_fitted_whoever_drives() {
     let mut sets = NamedSet::papers().unwrap();

@@ -1,4 +1,4 @@
-//! Boosted trees against their definition and for self-consistency.
+//! Gradient-boosted trees, compared with their definition and checked for consistency.
 
 use crate::learning::{WIDTH, classes, person};
 use proptest::prelude::*;
@@ -31,7 +31,7 @@ fn the_deviance_falls_round_after_round() {
         for round in 1..=100 {
             assert!(loss(round) < loss(round - 1), "round {round}");
         }
-        // Before any round, the entropy of the classes, up to Laplace's rule.
+        // Before the first round, the loss is the entropy of the classes, up to Laplace's rule.
         let n = rows.labels.len() as f64;
         let entropy: f64 = rows
             .samples(experiment)
@@ -46,7 +46,7 @@ fn the_deviance_falls_round_after_round() {
     }
 }
 
-/// The first round from its definition: every split of every column is tried.
+/// The first round, compared with its definition. The test tries every split of every column.
 #[test]
 fn the_first_round_is_the_best_stump() {
     let mut rng = SeededRng::new(3);
@@ -59,7 +59,7 @@ fn the_first_round_is_the_best_stump() {
     let score = ln((ones + 1.0) / (31.0 - ones));
     assert!((file.intercepts[0] - score).abs() < 1e-15);
     let p = (ones + 1.0) / 32.0;
-    // Σ of gradients and Hessians of some rows.
+    // Sums of the gradients and of the Hessians of some rows.
     let sums = |rows: &[usize]| {
         let gradient: f64 = rows.iter().map(|&i| p - labels[i] as f64).sum();
         (gradient, rows.len() as f64 * p * (1.0 - p) + settings.penalty)
@@ -81,7 +81,7 @@ fn the_first_round_is_the_best_stump() {
     let tree = &file.trees[0];
     assert_eq!(tree.questions.feature[0] as usize, best.1);
     let threshold = tree.questions.threshold[0];
-    // The definition tries midpoints; between two occurring values, any threshold is equivalent.
+    // The definition tries midpoints. Between two values that occur, all thresholds are equivalent.
     let side = |t: f64| -> Vec<bool> { (0..30).map(|i| values[2 * i + best.1] <= t).collect() };
     assert_eq!(side(threshold), side(best.2));
     for (found, expected) in tree.value[1..].iter().zip(best.3) {
@@ -124,7 +124,8 @@ fn folds_choose_what_predicts_trials_that_were_not_seen() {
         // Patience only ends the search early.
         let patient = settings.with_patience(60).with_rounds(150);
         assert_eq!(fit_by_folds(&samples, &folds, &[2, 3], &patient).unwrap().1, chosen);
-        // The chosen rounds computed directly, leaving out one fold after another.
+        // Compute the loss of the chosen number of rounds directly, with one fold after another
+        // held out.
         let settings = settings.with_depth(chosen.depth).with_rounds(chosen.rounds);
         let mut loss = 0.0;
         for fold in 0..5 {
@@ -146,7 +147,7 @@ fn folds_choose_what_predicts_trials_that_were_not_seen() {
         }
         let loss = loss / folds.len() as f64;
         assert!((loss - chosen.log_loss).abs() < 1e-12, "{loss} {}", chosen.log_loss);
-        // It generalizes to later trials.
+        // The model generalizes to later trials.
         let model = model.unscaled(&scale);
         let prior = model.truncated(0);
         let loss = |model| log_loss(model, &test.values, &test.labels, classes(experiment));
@@ -165,13 +166,13 @@ fn little_to_learn_from_gives_little_models() {
         assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-12);
         p
     };
-    // One class only: it is likely, others are not impossible.
+    // If there is only one class, it is likely, but the others are not impossible.
     let p = probabilities(1, &[1.0, 2.0, 3.0], &[1, 1, 1], 3, &[2.0]);
     assert!(p[1] > 0.8 && p[0] > 0.0 && p[0] == p[2], "{p:?}");
-    // Constant features.
+    // The features are constant.
     let p = probabilities(1, &[2.0; 4], &[0, 1, 0, 1], 2, &[2.0]);
     assert!((p[0] - 0.5).abs() < 1e-12);
-    // Two rows.
+    // There are only two rows.
     let p = probabilities(1, &[1.0, 2.0], &[0, 1], 2, &[2.0]);
     assert!(p[1] > 0.6);
 }

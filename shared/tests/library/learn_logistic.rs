@@ -1,4 +1,4 @@
-//! Logistic regression against scikit-learn, and for self-consistency.
+//! Logistic regression, compared with scikit-learn and checked for consistency.
 
 use crate::learning::apart::{self, furthest};
 use crate::learning::{PEOPLE, WIDTH, classes, person};
@@ -16,8 +16,8 @@ fn numbers(model: &Logistic) -> Vec<f64> {
     weights.into_iter().chain(model.intercepts().to_vec()).collect()
 }
 
-/// The models' reference stops where its solver (L-BFGS) cannot detect a decrease of the loss any
-/// more: up to 7·10⁻⁶ short in a weight. scikit-learn's Newton solver converges fully.
+/// The reference's solver (L-BFGS) stops when it can no longer detect a decrease of the loss. Its
+/// weights are then wrong by up to 7·10⁻⁶. scikit-learn's Newton solver converges fully.
 const SOLVER_STOPS_SHORT: f64 = 7e-6;
 
 fn agrees_with_scikit_learn(experiment: usize) {
@@ -39,8 +39,8 @@ fn whether_agrees_with_scikit_learn() {
     agrees_with_scikit_learn(2);
 }
 
-/// Another library's solver, L-BFGS to a gradient of 10⁻⁹ (or as far as its line search gets), on
-/// the same rows. Its penalty is 1/C, like ours without a penalty on intercepts.
+/// The solver of another library on the same rows: L-BFGS to a gradient of 10⁻⁹, or as far as its
+/// line search gets. Its penalty is 1/C and, like ours, does not include the intercepts.
 #[test]
 fn linfa_finds_the_same_models() {
     let mut apart = 0.0_f64;
@@ -59,7 +59,7 @@ fn linfa_finds_the_same_models() {
                     .fit(&data)
                     .unwrap();
                 assert_eq!(other.classes(), [0, 1, 2]);
-                // Features × classes.
+                // The shape is features × classes.
                 let weights = other.params().t().iter().copied().collect();
                 (weights, other.intercept().to_vec())
             } else {
@@ -97,7 +97,7 @@ fn a_path_ends_where_fits_on_their_own_do() {
             let apart = furthest(&numbers(model), &alone);
             assert!(apart < 1e-9, "C = {c}: {apart:e} apart");
         }
-        // In reverse order, and with repetitions and jumps.
+        // Also in reverse order, with repetitions and jumps.
         let order = [1e2, 1e2, 1e-3, 1.0];
         for (&c, model) in order.iter().zip(fit_path(&samples, &order, settings).unwrap()) {
             let alone = numbers(&fit(&samples, c, settings).unwrap());
@@ -131,7 +131,7 @@ fn separable_duplicated_and_constant_data_converge() {
     assert!(model.coefficients()[1][0] < -1.0);
     assert_eq!(model.coefficients()[0], [0.0, 0.0]);
 
-    // A column of zeros, as from standardising a constant one, gets no weight.
+    // A column of zeros, such as a standardised constant column, gets no weight.
     let values = [[1.0, 0.0], [0.5, 0.0], [-1.0, 0.0], [0.2, 0.0]].concat();
     let samples = Samples::new(2, &values, &[0, 1, 2, 1], 3).unwrap();
     for model in fit_path(&samples, &[1.0, 1e6, 1e-6], LogisticSettings::default()).unwrap() {
@@ -141,7 +141,7 @@ fn separable_duplicated_and_constant_data_converge() {
 
 #[test]
 fn two_rows_are_enough() {
-    // By symmetry the intercept is 0 and w solves w = C · 2 / (1 + e^w).
+    // By symmetry, the intercept is 0, and w solves w = C · 2 / (1 + e^w).
     let samples = Samples::new(1, &[-1.0, 1.0], &[0, 1], 2).unwrap();
     let model = fit(&samples, 1.0, LogisticSettings::default()).unwrap();
     let w = model.coefficients()[1][0];

@@ -1,5 +1,5 @@
-//! Rank tests of the comparison, with their ties, against SciPy; and why cells of the comparison
-//! differ from scikit-learn's.
+//! The comparison's rank tests with ties, compared with SciPy, and the reasons why cells of the
+//! comparison differ from scikit-learn's cells.
 
 use crate::learning::why::{Choice, Right, why};
 use serde_json::json;
@@ -12,8 +12,8 @@ fn p_values_are_those_of_scipys_permutations() {
     assert!(apart.wilcoxon < 1e-12, "{:e}", apart.wilcoxon);
 }
 
-/// A choice of C with our number of correct rows, and the smallest and largest numbers of
-/// scikit-learn.
+/// A choice of C, with our numbers of correct rows, and scikit-learn's smallest and largest
+/// numbers.
 fn choice(c: f64, ours: [usize; 2], least: [usize; 2], most: [usize; 2]) -> Choice {
     let right = |[cv, test]: [usize; 2]| Right { cv, test };
     Choice {

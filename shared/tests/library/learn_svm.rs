@@ -1,5 +1,5 @@
-//! Support vector machines against scikit-learn's on recorded rows, and against libsvm-rs on
-//! random ones.
+//! Support vector machines, compared with scikit-learn on recorded rows and with libsvm-rs on
+//! random rows.
 
 use crate::learning::{PEOPLE, WIDTH, apart, classes, peer, person, said};
 use libsvm_rs::{KernelType, SvmNode, SvmParameter, SvmProblem, SvmType};
@@ -10,7 +10,7 @@ use sidestep::math::{SeededRng, ln};
 use sidestep::predict::scale::Scale;
 use sidestep::predict::svm::{Kernel, Sigmoid, Svm, pair_count, pairs};
 
-/// Sigmoids for tests that do not use probabilities.
+/// Sigmoids for tests that do not use the probabilities.
 fn plain(classes: usize) -> Vec<Sigmoid> {
     vec![Sigmoid { a: -1.0, b: 0.0 }; pair_count(classes)]
 }
@@ -26,8 +26,9 @@ fn scikit_learns_svms_are_found_again() {
     }
 }
 
-/// scikit-learn's probabilities are one class against the rest, ours are coupled pairs of classes;
-/// for two classes they are the same. Compared by log loss on test rows.
+/// scikit-learn computes the probability of each class against the rest, and we couple pairs of
+/// classes. For two classes, the results are the same. They are compared by the log loss on test
+/// rows.
 #[test]
 fn probabilities_do_as_well_as_scikit_learns() {
     for experiment in [1, 2] {
@@ -55,12 +56,13 @@ fn probabilities_do_as_well_as_scikit_learns() {
             }
         }
         assert!(ours / rows < theirs / rows + 1e-3);
-        // Theirs are solved to 10⁻³, on rows standardised by all folds together.
+        // Their SVMs are solved to a tolerance of 10⁻³, on rows that are standardised over all
+        // folds together.
         assert!(classes == 3 || farthest < 5e-3, "{farthest}");
     }
 }
 
-/// Radial SVMs, C = 1, with sigmoids from held-out rows.
+/// RBF SVMs with C = 1, and sigmoids fitted to held-out rows.
 fn fit_calibrated(rows: &[f64], target: Target<'_>, folds: &[usize], gamma: f64) -> (Scale, Svm) {
     let grid = Grid { c: vec![1.0], ..Grid::new(Kernels::Rbf(vec![gamma])) };
     let cells = cross_validate(WIDTH, rows, folds, &[target], &grid).expect("cells");
@@ -69,7 +71,7 @@ fn fit_calibrated(rows: &[f64], target: Target<'_>, folds: &[usize], gamma: f64)
     fit(WIDTH, rows, target, settings, sigmoids).expect("SVMs")
 }
 
-/// Rows around overlapping centres, some of them twice.
+/// Random rows around overlapping centres, some of them twice.
 fn random_rows(seed: u64, count: usize, width: usize, classes: usize) -> (Vec<f64>, Vec<usize>) {
     let mut rng = SeededRng::new(seed);
     let mut values = Vec::new();
@@ -110,7 +112,8 @@ fn libsvm_finds_the_same_svms() {
                 };
                 row.iter().enumerate().map(value).collect()
             };
-            // libsvm orders pairs by the first occurrence of labels, which is our order.
+            // libsvm orders pairs by the first occurrence of the labels, which here equals our
+            // order.
             let problem = SvmProblem {
                 labels: labels.iter().map(|&label| label as f64).collect(),
                 instances: values.chunks(width).map(nodes).collect(),
@@ -128,8 +131,8 @@ fn libsvm_finds_the_same_svms() {
                 eps: 1e-9,
                 ..SvmParameter::default()
             };
-            // libsvm stores its kernel matrix in single precision: the error is at most C times
-            // that per row.
+            // libsvm stores its kernel matrix in single precision. The error is therefore at most ε
+            // · C for each row, with the machine epsilon ε of f32.
             let rounding = f64::from(f32::EPSILON) * c * labels.len() as f64;
             let model = libsvm_rs::train::svm_train(&problem, &parameter);
             let (others, _) = random_rows(100 + seed, 50, width, classes);
@@ -141,7 +144,7 @@ fn libsvm_finds_the_same_svms() {
                     let apart = (decision - expected).abs();
                     assert!(apart < rounding, "seed {seed} {kernel:?} {c}: {decision} {expected}");
                 }
-                // On equal votes libsvm-rs takes the last class, libsvm and we the first.
+                // On equal votes, libsvm-rs takes the last class, and libsvm and we take the first.
                 let mut votes = vec![0; classes];
                 for ((a, b), decision) in pairs(classes).zip(&decisions) {
                     votes[if *decision > 0.0 { a } else { b }] += 1;
@@ -241,7 +244,7 @@ fn poor_data() {
         assert_eq!(train(1, &[1.0, f64::NAN], &[0, 1]).unwrap_err().field, "rows[1][0]");
         assert_eq!(train(1, &[1.0], &[0, 1]).unwrap_err().field, "rows");
         assert_eq!(train(1, &[1.0, 2.0], &[0, 2]).unwrap_err().field, "labels[1]");
-        // Two samples: the border is in the middle.
+        // With two samples, the decision boundary is midway between them.
         let (scale, svm) = train(1, &[1.0, 2.0], &[0, 1]).unwrap();
         assert!(svm.decisions(&scale, &[1.5])[0].abs() < 1e-6);
         assert!(svm.decisions(&scale, &[1.0])[0] > 0.1);
@@ -252,11 +255,11 @@ fn poor_data() {
         let (narrow_scale, narrow) = train(1, &[1.0, 2.0, 2.5, 1.2], &labels).unwrap();
         let (a, b) = (svm.decisions(&scale, &[1.4, 7.0]), narrow.decisions(&narrow_scale, &[1.4]));
         assert!((a[0] - b[0]).abs() < 1e-6);
-        // Equal rows of both classes: the larger class wins there.
+        // Rows of both classes are equal, and the larger class wins.
         let same = vec![3.0; 10];
         let (scale, svm) = train(1, &same, &[0, 1, 1, 0, 1, 1, 1, 0, 1, 1]).unwrap();
         assert_eq!(svm.class(&scale, &[3.0]), 1);
-        // C and tolerance.
+        // An invalid C or tolerance is rejected.
         let bad = |settings: SvmSettings| {
             let target = Target { labels: &[0, 1], classes: 2 };
             fit(1, &[1.0, 2.0], target, settings, plain(2)).unwrap_err().field
@@ -276,7 +279,7 @@ fn poor_data() {
 
 #[test]
 fn a_class_that_a_fold_lacks() {
-    // Class 2 occurs in fold 0 only: SVMs trained on the others do not know it.
+    // Class 2 occurs only in fold 0, so SVMs that are trained on the other folds do not know it.
     let values: Vec<f64> = (0..12).map(f64::from).collect();
     let labels = [0, 1, 2, 2, 0, 1, 0, 1, 0, 1, 0, 1];
     let folds = [0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2];

@@ -1,4 +1,4 @@
-//! Decision trees against scikit-learn, against brute force and for self-consistency.
+//! Decision trees, compared with scikit-learn and with brute force, and checked for consistency.
 
 use crate::learning::{PEOPLE, apart, person};
 use proptest::prelude::*;
@@ -7,8 +7,8 @@ use sidestep::learn::tree::{TreeSettings, grow, grow_each};
 use sidestep::math::SeededRng;
 use sidestep::predict::tree::{Tree, TreeFile};
 
-/// The reference's trees were compared with five others with random tie-breaks; more of them find
-/// more ties. Rows on which a thousand trees agree must be equal here too.
+/// The reference's trees were compared with five other trees with random tie-breaks; more trees
+/// find more ties. Rows on which a thousand trees agree must also be equal here.
 fn agrees_with_scikit_learn(experiment: usize) {
     let apart = apart::trees(experiment);
     assert_eq!(apart.rows, 500 * PEOPLE);
@@ -27,7 +27,7 @@ fn whether_agrees_with_scikit_learn() {
     agrees_with_scikit_learn(2);
 }
 
-/// CART from its definition: tries every split and compares impurities as fractions.
+/// CART by its definition: tries every split, and compares impurities as fractions.
 fn plain(
     rows: &[(Vec<f32>, usize)],
     classes: usize,
@@ -45,7 +45,7 @@ fn plain(
     if depth == 0 || counts.iter().filter(|&&n| n > 0).count() == 1 {
         return;
     }
-    // Weighted impurity n_l · gini_l + n_r · gini_r, times n_l · n_r.
+    // The weighted impurity n_l · gini_l + n_r · gini_r, multiplied by n_l · n_r.
     let mut best: Option<(i128, i128, usize, f64)> = None;
     for feature in 0..rows[0].0.len() {
         let mut values: Vec<f32> = rows.iter().map(|row| row.0[feature]).collect();
@@ -82,7 +82,7 @@ fn in_preorder(tree: &Tree) -> Vec<(usize, f64, Vec<u32>)> {
     (0..tree.nodes()).map(|i| (feature(i), q.threshold[i], counts[i].clone())).collect()
 }
 
-/// Rows with few distinct values, so that there are many ties, or with many.
+/// Rows with few distinct values, so that there are many ties, or rows with many distinct values.
 fn rows() -> impl Strategy<Value = (usize, Vec<f64>, Vec<usize>)> {
     (1..4usize, 1..25usize, prop_oneof![Just(3), Just(1000)]).prop_flat_map(|(width, n, levels)| {
         let values = prop::collection::vec((0..levels).prop_map(f64::from), width * n);
@@ -156,21 +156,21 @@ fn little_to_learn_from_gives_little_trees() {
         let samples = Samples::new(width, values, labels, 2).unwrap();
         grow(&samples, TreeSettings::default()).unwrap()
     };
-    // One class: its count at the root.
+    // With only one class, the tree is a root with the class count.
     let one = tree(1, &[1.0, 2.0, 3.0], &[1, 1, 1]);
     assert_eq!((one.nodes(), one.class(&[0.0])), (1, 1));
     let mut p = [0.0; 2];
     one.probabilities_into(&[0.0], &mut p);
     assert_eq!(p, [1.0 / 5.0, 4.0 / 5.0]);
-    // Constant features, and values that are equal in single precision.
+    // The features are constant, or equal in single precision.
     assert_eq!(tree(2, &[1.0, 5.0, 1.0, 5.0], &[0, 1]).nodes(), 1);
     assert_eq!(tree(1, &[1.0, 1.0 + 1e-9], &[0, 1]).nodes(), 1);
     assert_eq!(tree(1, &[0.0, -0.0], &[0, 1]).nodes(), 1);
-    // Two rows, each four times.
+    // Two rows, each repeated four times.
     let two = tree(1, &[1.0, 2.0, 1.0, 2.0, 1.0, 2.0, 1.0, 2.0], &[0, 1, 0, 1, 0, 1, 0, 1]);
     assert_eq!(two.nodes(), 3);
     assert_eq!((two.class(&[1.5]), two.class(&[1.6])), (0, 1));
-    // Two features that are informative only together.
+    // Two features that are informative only in combination.
     let xor = tree(2, &[0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0], &[0, 1, 1, 0]);
     assert_eq!((xor.leaves(), xor.class(&[1.0, 0.0]), xor.class(&[1.0, 1.0])), (4, 1, 0));
 }

@@ -1,6 +1,6 @@
-//! Tests of the library's public interface, in one program, because each further program would link
-//! the library again. Tests that count memory, or take long, are separate programs beside this
-//! folder.
+//! Tests of the library's public interface. They are one program, because each further program
+//! would link the library again. Tests that count memory or take long are separate programs next to
+//! this folder.
 
 mod algorithm1;
 mod baselines;

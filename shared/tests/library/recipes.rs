@@ -1,4 +1,4 @@
-//! The recipes of CONTRIBUTING.md, each in a few lines.
+//! The recipes of CONTRIBUTING.md. Each takes a few lines.
 
 use core::ops::ControlFlow;
 use sidestep::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout, input_bounds};
@@ -19,7 +19,8 @@ fn safety() -> SafetyLevels {
     SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(())).expect("equal vehicles")
 }
 
-/// A feature is one entry of the table: its columns in files, its meaning, and how to compute it.
+/// A feature is one entry of the table, which contains its column in files, its meaning, and how to
+/// compute it.
 #[test]
 fn a_feature_is_one_entry() {
     let bearing = Feature {
@@ -33,7 +34,7 @@ fn a_feature_is_one_entry() {
     };
     let safety = safety();
     assert!((bearing.value(&[now()], &safety) - sidestep::math::atan2(4.0, 3.0)).abs() < 1e-15);
-    // Every feature in the table can be used in a set, in a predictor.json and in a dataset.
+    // Every feature of the table can be used in a set, in a predictor.json and in a dataset.
     for feature in FEATURES {
         let set = FeatureSet::of(&[feature.name]).expect("a feature of the table");
         let mut row = [f64::NAN];
@@ -51,7 +52,7 @@ fn a_feature_is_one_entry() {
     }
 }
 
-/// A custom predictor for Algorithm 1: a human who turns away from a robot on the left.
+/// A custom predictor for Algorithm 1, of a human who turns away from a robot on the left.
 #[test]
 fn a_predictor_is_two_methods() {
     struct Avoider;
@@ -70,7 +71,7 @@ fn a_predictor_is_two_methods() {
     assert_eq!(found.expect("bounds").raw[0], (-0.5, -0.5));
 }
 
-/// A kind of model has a file in `predict`, a name in predictor.json and a section of
+/// Each kind of model has a file in `predict`, a name in predictor.json and a section in
 /// docs/predictor.md.
 #[test]
 fn every_kind_of_model_is_described() {
@@ -91,8 +92,8 @@ fn every_kind_of_model_is_described() {
     }
 }
 
-/// A custom game: two runners on a line, state x = the lead of the evader in m. The evader has 1
-/// m/s, the pursuer 2 m/s: ẋ = a − b.
+/// A custom game of two runners on a line. The state x is the lead of the evader (m). The evader
+/// runs at up to 1 m/s and the pursuer at up to 2 m/s, so ẋ = a − b.
 #[test]
 fn a_game_is_three_methods() {
     struct Chase;
@@ -107,7 +108,7 @@ fn a_game_is_three_methods() {
             [T::from_f64(3.0)]
         }
     }
-    // V is the minimum distance minus 0.5 m within 1 s: the lead shrinks by 1 m.
+    // V is the minimum distance within 1 s, minus 0.5 m. In this time, the lead shrinks by 1 m.
     let grid = Grid { axes: [Axis::bounded(-4.0, 4.0, 161)] };
     let near = |[x]: [f64; 1]| x.abs() - 0.5;
     let problem = Problem::reach(&Chase, grid, &near, 1.0);

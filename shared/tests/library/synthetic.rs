@@ -1,4 +1,5 @@
-//! Synthetic participants against the reference's file, and against the study's rules.
+//! Synthetic participants, compared with the reference's file and checked against the study's
+//! rules.
 
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
@@ -38,7 +39,7 @@ fn every_row_of_the_reference() {
     assert!(rows.next().is_none());
 }
 
-/// The input that the keys ask for at a time.
+/// The input that the keys select at time `t_ms`.
 fn keys_at(drive: &SyntheticDrive, t_ms: f64) -> TurnInput {
     let before = drive.key_changes.iter().take_while(|change| change.at_ms <= t_ms);
     before.last().map_or(TurnInput::Straight, |change| change.input)
@@ -91,8 +92,8 @@ fn studies_of_other_vehicles_and_clocks() {
     }
 }
 
-/// Only the clock differs: the same scenes, and similar behaviour. According to the reference, 58
-/// to 72 % of its steps are without a key and 15.5 % of its trials end in the danger zone.
+/// Only the clock differs: the scenes are the same, and the behaviour is similar. In the reference,
+/// 58 to 72 % of the steps are without a key, and 15.5 % of the trials end in the danger zone.
 #[test]
 fn the_clock_changes_little() {
     let parameters = SceneParameters::default();
@@ -127,7 +128,7 @@ fn a_seed_names_its_people() {
     assert!((person.weights.iter().sum::<f64>() - 1.0).abs() < 1e-15);
 }
 
-/// The robot must turn up: a vehicle on top of the other has no bearing.
+/// A vehicle on top of the other one has no bearing. Nevertheless, all states must be finite.
 #[test]
 fn nothing_becomes_infinite() {
     let parameters = SceneParameters::default();

@@ -18,8 +18,8 @@ use sidestep::shfrs::window_sets::Prediction;
 use sidestep::vehicle::Pose;
 use std::sync::OnceLock;
 
-/// A predictor (logistic regression on B_hrd) trained on the first 20 drives of each person, and
-/// the other 30 of each: 240 unseen trajectories.
+/// A predictor (logistic regression on B_hrd), trained on the first 20 drives of each person. The
+/// other 30 drives of each person are 240 unseen trajectories.
 struct Data {
     parameters: SceneParameters,
     safety: SafetyLevels,
@@ -72,10 +72,10 @@ fn every_guarantee_is_kept_on_trajectories_that_nothing_was_chosen_by() {
             let found = tuned(&settings(p, guarantee, 1)).unwrap();
             assert_eq!((found.training, found.calibration, found.test), (96, 72, 72));
             assert_eq!((found.steps, found.without_window), (10, 0));
-            // One test of 72 trajectories: its interval must not exclude p.
+            // This is one test with 72 trajectories. Its confidence interval must not exclude p.
             assert!(found.coverage.high >= p, "{found:?}");
             assert!((0.0..=1.0).contains(&found.epsilon));
-            // Smaller than the worst case.
+            // Smaller than the worst-case set.
             assert!(found.mean_area_m2 > 0.0 && found.mean_area_m2 < 16.0 / 3.0, "{found:?}");
             assert!(found.statement.contains("72 trajectories"));
         }
@@ -92,8 +92,8 @@ fn tuning_does_not_depend_on_the_number_of_threads() {
     assert_eq!(on(1), on(3));
 }
 
-/// Over several draws of the windows: of 72 tasks, one with an unexpected key more or less moves ε
-/// by half its range.
+/// Uses several draws of the windows, because with 72 tasks, one unexpected key more or less moves
+/// ε by half its range.
 #[test]
 fn the_adaptive_set_needs_less_area_than_the_worst_schedule() {
     let areas = |p: f64, choice: ActionChoice| -> Vec<f64> {
@@ -117,8 +117,8 @@ fn the_adaptive_set_needs_less_area_than_the_worst_schedule() {
     }
 }
 
-/// Tuned settings give the same sets online, and plans reported as clear are touched at most as
-/// often as the guarantee allows.
+/// Online, tuned settings give the same sets as offline. Plans that are reported as clear are
+/// touched at most as often as the guarantee allows.
 #[test]
 fn what_was_tuned_predicts_online() {
     const STEP: usize = 12;
@@ -135,10 +135,11 @@ fn what_was_tuned_predicts_online() {
         OnlinePredictor::tuned(&found, &further, predictor.clone(), safety.clone(), *parameters);
     let mut online = online.unwrap();
     let bounds = CoverageBounds::of_tuned(&found, &further, parameters).unwrap();
-    // The last set admits every turn.
+    // The last set admits every turn rate.
     assert_eq!(bounds.outside(), [1.0 - found.p, 1.0 - found.p, 0.0]);
     assert!((bounds.outside()[0] - 0.1).abs() < 1e-12);
-    // 5 mm; half a step of 0.2 m with the wrong heading; half of that with a turn of up to 1 rad/s.
+    // The tolerance of 5 mm, the heading tolerance over half a step (0.2 m), and a turn of up to 1
+    // rad/s during that half step.
     assert!((0.01..0.02).contains(&bounds.margin_m()), "{}", bounds.margin_m());
     assert!(bounds.statement().starts_with(&found.statement));
 
@@ -154,8 +155,8 @@ fn what_was_tuned_predicts_online() {
         let sets = online.predict().unwrap().to_vec();
         let expected = prediction.bounds(&states[..=STEP], &same).unwrap();
         assert_eq!(sets[0], expected.sets[0]);
-        // A robot that waits beside the human's future position: a human who stays inside the set
-        // touches no plan that is clear of it, however the plan was chosen.
+        // The robot waits beside the human's future position. A human who stays inside the set
+        // touches no plan that is clear of the set, however the plan was chosen.
         let ahead = states[STEP + found.steps].human;
         let (sin, cos) = sin_cos(ahead.psi);
         for aside in [0.3, 0.6, 1.0, 1.5] {

@@ -1,4 +1,4 @@
-//! Clearances against random drives, closed forms and each other.
+//! Clearances, compared with random drives, with closed forms and with each other.
 
 use super::{Class, FREE, PAPERS, any_bounds, any_drive, any_plan, bounds};
 use sidestep::bounds::InputBounds;
@@ -8,7 +8,7 @@ use sidestep::clearance::{
 use sidestep::math::{PI, SeededRng, hypot, sin_cos};
 use sidestep::vehicle::{Pose, dubins};
 
-/// The paper's rates, and larger turns, steps and speeds.
+/// The paper's turn rates, and larger turn rates, steps and speeds.
 const CLASSES: [Class; 6] = [
     PAPERS,
     Class { steps: 20, ..PAPERS },
@@ -29,8 +29,8 @@ fn footprint(number: usize) -> Footprint {
     }
 }
 
-/// Random drives, sampled 20 times in each step, against every bound; and the gap between lower and
-/// upper bounds.
+/// Compares random drives, sampled 20 times per step, with every bound. Also measures the gap
+/// between lower and upper bounds.
 #[test]
 fn no_drive_comes_nearer() {
     const PARTS: usize = 20;
@@ -53,7 +53,7 @@ fn no_drive_comes_nearer() {
                 for (i, pose) in drive.iter().enumerate() {
                     let seconds = step_s * i as f64 / PARTS as f64;
                     let apart = footprint.distance_m(plan.pose_at(seconds), pose.position());
-                    // The end of a step is the start of the next one.
+                    // The end of a step is also the start of the next one.
                     for step in [i / PARTS, i.div_ceil(PARTS).saturating_sub(1)] {
                         let Some(clearance) = found.by_step(0).get(step) else { continue };
                         let beyond = apart - clearance.at_least_m;
@@ -77,13 +77,13 @@ fn no_drive_comes_nearer() {
              clearances within {accuracy_m} m",
             nearest,
         );
-        // Where sets are wide, the work limit ends some searches.
+        // If sets are wide, the work limit ends some searches early.
         let least = if class.rate_radps <= 0.5 { near } else { near / 2 };
         assert!(exact >= least && near > 20, "{class:?}: {exact} of {near}");
     }
 }
 
-/// The clearance of one set in each step.
+/// The clearance of one set at each step.
 fn clearances(set: InputBounds, plan: &Plan, radius_m: f64, accuracy_m: f64) -> Vec<Clearance> {
     let settings = ClearanceSettings::new(accuracy_m).unwrap().with_enough(f64::INFINITY).unwrap();
     let start = Pose::new(0.0, 0.0, 0.0);
@@ -103,7 +103,7 @@ fn holds(clearance: Clearance, expected_m: f64, accuracy_m: f64) {
     );
 }
 
-/// Human and robot drive straight; the closest point is within a step.
+/// Human and robot drive straight. Their closest approach may be within a step.
 #[test]
 fn straight_drives_have_their_closed_form() {
     let mut rng = SeededRng::new(7);
@@ -128,8 +128,8 @@ fn straight_drives_have_their_closed_form() {
     }
 }
 
-/// A human who may always drive straight gets as far ahead as the speed allows, and to the right as
-/// far as the arc at the lowest rate.
+/// A human who may always drive straight gets as far ahead as the speed allows, and as far to the
+/// right as the arc at the lowest turn rate.
 #[test]
 fn a_robot_that_stands_ahead_or_aside() {
     let set = || bounds(&[-0.5; 10], &[0.5; 10]);
@@ -139,16 +139,16 @@ fn a_robot_that_stands_ahead_or_aside() {
     for step in 0..10 {
         let t = 0.2 * (step + 1) as f64;
         holds(ahead[step], 7.0 - 2.0 * t - 0.5, 1e-3);
-        // From far away the closest point of the front is the end of the path that turns right
-        // throughout, or beside it.
+        // Seen from far away, the closest point of the front is the end of the path that always
+        // turns right, or a point close to it.
         let end = dubins::arc(Pose::new(0.0, 0.0, 0.0), 2.0, -0.5, t);
         let arc_m = hypot(3.0 - end.x, -60.0 - end.y) - 0.5;
         assert!(aside[step].at_least_m <= arc_m + 1e-9 && arc_m < aside[step].at_most_m + 0.05);
     }
 }
 
-/// Behind the human, sets are not convex: the rear is reached by drives that switch once between
-/// the bounds. A robot crosses there.
+/// Behind the human, sets are not convex. Drives that switch once between the bounds reach the rear
+/// boundary. A robot crosses there.
 #[test]
 fn a_robot_behind_is_seen_as_the_switching_drives_come_near() {
     const ACCURACY_M: f64 = 0.005;
@@ -171,7 +171,7 @@ fn a_robot_behind_is_seen_as_the_switching_drives_come_near() {
         }
         let Clearance { at_least_m, at_most_m } = found[9];
         println!("{nearest:.4} m by enumeration, {at_least_m:.4} to {at_most_m:.4} m");
-        // The hull of the set would contain the robot.
+        // The convex hull of the set would contain the robot.
         assert!(
             nearest > 0.3 && at_least_m <= nearest && nearest - at_least_m <= ACCURACY_M + 1e-4
         );
@@ -179,7 +179,8 @@ fn a_robot_behind_is_seen_as_the_switching_drives_come_near() {
     }
 }
 
-/// Larger sets come nearer, and each set has the same clearance as alone.
+/// Larger sets come nearer to the plan. Each set has the same clearance as if it were computed
+/// alone.
 #[test]
 fn clearances_fall_from_set_to_set() {
     let mut rng = SeededRng::new(11);
@@ -217,7 +218,7 @@ fn clearances_fall_from_set_to_set() {
     }
 }
 
-/// A lower work limit gives smaller bounds, never larger than drives allow.
+/// A lower work limit gives looser bounds, but the bounds remain valid.
 #[test]
 fn little_work_is_careful() {
     let mut rng = SeededRng::new(13);

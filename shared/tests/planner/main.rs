@@ -1,5 +1,5 @@
-//! Clearances of plans against drives, closed forms and each other. Tests print their measurements
-//! (`cargo test --release -- --nocapture`).
+//! Clearances of plans, compared with drives, with closed forms and with each other. The tests
+//! print their measurements (`cargo test --release -- --nocapture`).
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 #![allow(clippy::print_stdout, reason = "the measured figures are worth reading")]
 
@@ -12,7 +12,7 @@ use sidestep::clearance::{Plan, PlanLimits};
 use sidestep::math::SeededRng;
 use sidestep::vehicle::{Pose, dubins};
 
-/// Speed, step and greatest turn rate of a human, and the horizon.
+/// Speed, step and maximum turn rate of a human, and the horizon.
 #[derive(Clone, Copy, Debug)]
 struct Class {
     speed_mps: f64,
@@ -29,7 +29,7 @@ fn bounds(lo: &[f64], hi: &[f64]) -> InputBounds {
     InputBounds::new(lo.to_vec(), hi.to_vec(), (-4.0, 4.0)).unwrap()
 }
 
-/// Random bounds of any sign; in a third of the cases driving straight is always admissible.
+/// Random bounds of either sign. In a third of the cases, driving straight is always admissible.
 fn any_bounds(class: Class, rng: &mut SeededRng) -> InputBounds {
     let most = class.rate_radps;
     let straight = rng.below(3) == 0;
@@ -52,8 +52,8 @@ fn any_bounds(class: Class, rng: &mut SeededRng) -> InputBounds {
     bounds(&lo, &hi)
 }
 
-/// The poses after each of `parts` parts of each step, under rates that are a bound or any
-/// admissible rate and change at random.
+/// The start, and the poses after each of the `parts` parts of every step. The turn rates change at
+/// random. They are one of the bounds, or any admissible rate.
 fn any_drive(
     start: Pose,
     class: Class,
@@ -79,7 +79,7 @@ fn any_drive(
     poses
 }
 
-/// A plan with any speeds, also backward, and turn rates, starting near the origin.
+/// A random plan with speeds (also backward) and turn rates, starting near the origin.
 fn any_plan(class: Class, rng: &mut SeededRng) -> Plan {
     let far = class.speed_mps * class.step_s * class.steps as f64;
     let start = Pose::new(rng.uniform(-far, far), rng.uniform(-far, far), rng.uniform(-3.0, 3.0));

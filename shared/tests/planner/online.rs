@@ -1,4 +1,4 @@
-//! The online predictor, and the collision bounds of its calibration.
+//! The online predictor, and the collision bounds that follow from its calibration.
 
 use sidestep::bounds::{
     ActionChoice, ActionModel, BoundsSettings, InputBounds, Rollout, input_bounds,
@@ -29,7 +29,7 @@ fn safety(parameters: &SceneParameters) -> SafetyLevels {
     SafetyLevels::solve(parameters, &mut |_| ControlFlow::Continue(())).unwrap()
 }
 
-/// A model of the distance and the human's inputs in the last five steps.
+/// A model that uses the distance and the human's inputs in the last five steps.
 fn predictor() -> Predictor {
     let features = FeatureSet::of(&["distance", "turned_5", "turned_1"]).unwrap();
     let rows = [vec![-0.1, 3.0, 1.0], vec![0.3, 0.0, -0.5], vec![-0.1, -3.0, -1.0]];
@@ -60,7 +60,7 @@ fn drive() -> Vec<JointState> {
     states
 }
 
-/// A bounded history gives the same bounds as the whole one.
+/// A bounded history gives the same bounds as the whole history.
 #[test]
 fn it_predicts_what_the_whole_history_does() {
     let parameters = SceneParameters::default();
@@ -110,7 +110,7 @@ fn a_jump_begins_a_new_history() {
     assert_eq!(online.predict().unwrap_err().field, "history");
 }
 
-/// Sets are for a human who drives like the vehicle.
+/// The sets assume a human who drives like the vehicle.
 #[test]
 fn a_human_at_another_speed_is_noticed() {
     let (mut online, states) = (online(), drive());
@@ -124,7 +124,8 @@ fn a_human_at_another_speed_is_noticed() {
         next.human = Pose::new(human.x + way_m * cos, human.y + way_m * sin, human.psi);
         next
     };
-    // Stands, is slower and faster, jumps; at 2 m/s a step of 0.2 s is 0.4 m.
+    // The human stands, moves too slowly, moves too fast, or jumps. At 2 m/s, a step of 0.2 s is
+    // 0.4 m.
     for way_m in [0.0, 0.2, 0.396, 0.404, 0.7, 3.0] {
         let mut online = online.clone();
         assert_ne!(online.push(moved(way_m)), Ok(Continuity::Continues));
@@ -136,8 +137,8 @@ fn a_human_at_another_speed_is_noticed() {
     assert_eq!((online.check_human(), online.departure()), (Ok(()), None));
 }
 
-/// A human stands in the robot's way. In step 8 the robot is over them, at a distance of 3 − 8 ·
-/// 0.4 = −0.2 m along its way; sets of a human at 2 m/s are 2 m away by then.
+/// A human stands in the robot's way. At step 8, the robot is over the human: their distance along
+/// the robot's way is 3 − 8 · 0.4 = −0.2 m. The sets of a human at 2 m/s are 2 m away by then.
 #[test]
 fn nobody_who_stands_still_is_driven_over() {
     let parameters = SceneParameters::default();
@@ -166,7 +167,7 @@ fn nobody_who_stands_still_is_driven_over() {
     assert_eq!((found.largest_clear(0.0), found.of(0).at_most_m), (None, f64::NEG_INFINITY));
     let why = Departure::Speed { measured_mps: 0.0, vehicle_mps: 2.0 };
     assert_eq!((found.unproved(), online.departure()), (Some(why), Some(why)));
-    // Nor is there a bound on the probability of a collision.
+    // There is no bound on the probability of a collision either.
     let scores = Scores::new(vec![0.0; 100]).unwrap();
     let tolerance = Tolerance::default();
     let bounds =
@@ -177,18 +178,18 @@ fn nobody_who_stands_still_is_driven_over() {
     let other = Plan::driven(robot, &[(2.0, 0.0); STEPS], 0.1, super::FREE).unwrap();
     assert_eq!(online.clear(&other, &footprint).unwrap_err().field, "plan.step_s");
 
-    // With `assume_vehicle`, the caller gets those numbers nevertheless.
+    // With `assume_vehicle`, the caller nevertheless gets these numbers.
     assumed.predict().unwrap();
     let found = assumed.clear(&plan, &footprint).unwrap();
     assert!(found.unproved().is_none() && found.by_step(1)[8].at_least_m > 1.9);
     assert!(assumed.departure().is_none() && assumed.check_human().is_err());
 
-    // A human who continues like the vehicle is predicted again.
+    // When the human moves like the vehicle again, prediction resumes.
     let walks = JointState { human: Pose::new(0.4, 0.0, 0.0), robot };
     assert_eq!(online.push(walks), Ok(Continuity::Continues));
     online.predict().unwrap();
     assert!(online.clear(&plan, &footprint).unwrap().unproved().is_none());
-    // A jump discards the history and proves nothing either.
+    // A jump discards the history, and nothing is proven either.
     let away = JointState { human: Pose::new(4.0, 0.0, 0.0), robot };
     assert_eq!(online.push(away), Ok(Continuity::Restarted));
     online.predict().unwrap();
@@ -215,7 +216,7 @@ fn models_that_cannot_be_used_online_are_refused() {
 
 const STEPS: usize = 10;
 
-/// Constant probabilities.
+/// A model with constant probabilities.
 struct Always;
 
 impl ActionModel for Always {
@@ -228,7 +229,7 @@ impl ActionModel for Always {
     }
 }
 
-/// A human who mostly drives straight and may turn for a while, at any rate.
+/// A human who mostly drives straight, and may turn at any rate for a while.
 fn behave(rng: &mut SeededRng) -> Trajectory {
     let robot = Pose::new(40.0, 0.0, 0.0);
     let (from, turn) =
@@ -244,9 +245,9 @@ fn behave(rng: &mut SeededRng) -> Trajectory {
     Trajectory::new(states, rates).unwrap()
 }
 
-/// Robots that choose plans without knowing the future are touched at most as often as the bound
-/// says: for every α, a touch where the bound is at most α has at most probability α, except for
-/// calibrations that fail.
+/// Robots that choose their plans without knowing the future are touched at most as often as the
+/// bound says. For every α, the probability that the bound is at most α and the robot is touched is
+/// at most α, except for calibrations that fail.
 #[test]
 fn touches_are_as_rare_as_the_bound_says() {
     const EPSILON: [f64; 5] = [0.0, 0.15, 0.25, 0.4, 1.0];
@@ -306,7 +307,7 @@ fn touches_are_as_rare_as_the_bound_says() {
         );
         assert!(said > 0.02, "{alpha}: is anything promised?");
     }
-    // Leaving F_1 leads to touches: so a bound that was much too low would be detected.
+    // Leaving F_1 leads to touches, so the test would detect a bound that is much too low.
     assert!(touched[4] > 0.02, "{touched:?}");
 }
 
@@ -319,12 +320,13 @@ fn bounds_say_what_they_assume_and_refuse_bad_input() {
         CoverageBounds::of_scores(&scores, epsilon, delta, &parameters, tolerance, 10)
     };
     let bounds = of(&[0.505, 0.945], 0.05).unwrap();
-    // 51 and 95 of 100 inside; P(Bin(100, p) ≥ 51) and P(Bin(100, p) ≥ 95) sum to 0.025 here.
+    // Of 100 scores, 51 and 95 are inside. For these probabilities p, P(Bin(100, p) ≥ 51) and
+    // P(Bin(100, p) ≥ 95) are each 0.025.
     for (found, inside) in bounds.outside().iter().zip([0.408_036_329_155, 0.887_165_088_895]) {
         assert!((found - (1.0 - inside)).abs() < 1e-9, "{found}");
     }
     assert!(bounds.statement().contains("confidence 0.95") && bounds.margin_m() < 0.02);
-    // A set that admits everything uses no share of δ.
+    // A set that admits every turn rate uses no share of δ.
     let (alone, beside) = (of(&[0.505], 0.05).unwrap(), of(&[0.505, 1.0], 0.05).unwrap());
     assert_eq!(beside.outside(), [alone.outside()[0], 0.0]);
     assert_eq!(of(&[], 0.05).unwrap_err().field, "epsilon");

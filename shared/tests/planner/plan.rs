@@ -5,7 +5,7 @@ use sidestep::clearance::{Footprint, Plan, PlanLimits};
 use sidestep::math::{PI, SeededRng, hypot, wrap_angle};
 use sidestep::vehicle::{Pose, dubins};
 
-/// Between its poses, a plan is the vehicle's motion.
+/// Between its poses, a plan follows the vehicle's motion.
 #[test]
 fn a_driven_plan_is_the_drive() {
     let mut rng = SeededRng::new(1);
@@ -50,7 +50,7 @@ fn plans_that_jump_are_refused() {
     assert_eq!(around.field, "inputs[1].turn_rate");
     let nan = Plan::driven(poses()[0], &[(f64::NAN, 0.0)], 0.2, FREE).unwrap_err();
     assert_eq!(nan.field, "poses[1].x");
-    // A refused replacement changes nothing.
+    // A rejected replacement changes nothing.
     let mut plan = Plan::new(poses(), 0.2, limits).unwrap();
     let before = plan.clone();
     assert!(plan.replace(&[Pose::new(0.0, 0.0, 0.0), Pose::new(1.0, 0.0, 0.0)]).is_err());
@@ -59,7 +59,7 @@ fn plans_that_jump_are_refused() {
     assert_eq!(plan.poses()[1].x, 0.2);
 }
 
-/// Poses do not distinguish a half turn to the left from one to the right.
+/// Poses do not distinguish a half turn to the left from a half turn to the right.
 #[test]
 fn half_a_turn_in_a_step_is_refused() {
     let (start, limits) = (Pose::new(0.0, 2.2, 0.5 * PI), PlanLimits::new(10.0, 100.0));

@@ -1,4 +1,4 @@
-//! Work cancelled by its caller.
+//! Callers cancel the work on sets.
 
 use super::{origin, set};
 use core::ops::ControlFlow;
@@ -9,13 +9,13 @@ use sidestep::reach::{
 };
 use sidestep::vehicle::Pose;
 
-/// A set that exceeds the work limit.
+/// A set whose polygons exceed the work limit.
 fn laborious() -> ReachableSet {
     let bounds = InputBounds::new(vec![-PI; 100], vec![PI; 100], (-PI, PI)).unwrap();
     ReachableSet::new(origin(), &bounds, 2.0, 1.0).unwrap()
 }
 
-/// Cancels the work after a number of reports, and stores the last report.
+/// Cancels the work after the given number of reports, and stores the last report.
 fn after(reports: usize, last: &mut Option<Progress>) -> impl FnMut(Progress) -> ControlFlow<()> {
     let mut left = reports;
     move |now| {
@@ -54,7 +54,7 @@ fn a_polygon_that_is_cancelled_stays_as_it_was() {
             assert_eq!(polygon, [[1.0, 2.0]]);
             let Progress { done, of } = last.expect("a report");
             assert_eq!(of, settings.most_work());
-            // Reports are frequent: the work between two of them is much less than the total.
+            // Reports are frequent, so little of the work is done when the work is cancelled.
             assert!(done < of / 2, "{done} of {of}");
         }
     }
@@ -83,7 +83,7 @@ fn reports_change_nothing_else() {
 #[test]
 fn a_question_of_membership_is_cancelled() {
     let set = laborious();
-    // A state that is hard to decide: almost as far as the vehicle gets.
+    // A state that is hard to decide, because it is almost as far away as the vehicle can get.
     let state = Pose::new(199.9, 0.0, 3.0);
     for reports in [0, 5] {
         let mut last = None;
@@ -93,7 +93,7 @@ fn a_question_of_membership_is_cancelled() {
     }
 }
 
-/// Every query stays within the work limit; what is undecided then is open.
+/// Every query stays within the work limit. What is undecided then is open.
 #[test]
 fn the_work_on_a_state_is_bounded() {
     let bounds = InputBounds::new(vec![-PI; 100], vec![PI; 100], (-PI, PI)).unwrap();

@@ -7,37 +7,39 @@ use sidestep::reach::polygon::{bounding_box, signed_area, signed_distance};
 use sidestep::reach::{PolygonSettings, ReachableSet, Tolerance};
 use sidestep::vehicle::{Pose, dubins};
 
-/// One case: maximum errors over its steps and its tube.
+/// One case, with the maximum errors over its steps and its tube.
 #[derive(Debug, Serialize)]
 pub(crate) struct Case {
     pub(crate) id: usize,
     bounds: String,
     steps: usize,
-    /// Error of an area relative to its tolerance, which depends on the area.
+    /// Error of an area, divided by its tolerance. The tolerance depends on the area.
     pub(crate) area: f64,
-    /// The same for our tube against its closed form, where straight is always admitted.
+    /// Error of our tube's area compared with its closed form, divided by the same tolerance. Only
+    /// computed if straight driving is always admissible.
     pub(crate) closed_form_area: f64,
-    /// Error of a side of a bounding box, m, and its tolerance in the reference.
+    /// Error of a side of a bounding box (m), and its tolerance in the reference.
     pub(crate) box_m: f64,
     pub(crate) box_allowed_m: f64,
-    /// Distance of a point of the reference's boundary from ours, m, and its tolerance.
+    /// Distance of a point on the reference's boundary from our boundary (m), and its tolerance.
     pub(crate) boundary_m: f64,
     pub(crate) boundary_allowed_m: f64,
-    /// How far such a point is inside our set, m.
+    /// How far such a point is inside our set (m).
     pub(crate) inside_m: f64,
-    /// Error of the signed distance of a queried position from the boundary, m.
+    /// Error of the signed distance of a queried position from the boundary (m).
     pub(crate) margin_m: f64,
-    /// How far a reachable queried position is outside our tube, m.
+    /// How far a reachable queried position is outside our tube (m).
     pub(crate) outside_tube_m: f64,
-    /// Queried positions and full states.
+    /// Queries of positions, and of full states.
     pub(crate) planar: Queries,
     pub(crate) full: Queries,
-    /// In the case with coarse chords in the reference's rear: how far points of its boundary are
-    /// outside the true set, m. `boundary_m` then compares our set with the same chords.
+    /// Only for the case with coarse chords in the reference's rear boundary: how far points of
+    /// this boundary are outside the true set (m). For this case, `boundary_m` compares the
+    /// reference with our set with the same chords.
     pub(crate) coarse_rear_m: Option<f64>,
 }
 
-/// Number of queries that the reference decides, and of those that we decide differently.
+/// Number of queries that the reference decides, and the number of them that we decide differently.
 #[derive(Debug, Default, Serialize)]
 pub(crate) struct Queries {
     pub(crate) decided: usize,
@@ -104,17 +106,18 @@ struct Query {
 const SPEED_MPS: f64 = 2.0;
 const STEP_S: f64 = 0.2;
 
-/// The file's own tolerances: of boxes, m, and of queries, m and rad.
+/// The file's own tolerances, for boxes (m) and for queries (m, rad).
 const BOX_M: f64 = 1e-3;
 const QUERY: Tolerance = Tolerance { position_m: 1e-3, heading_rad: 1e-3 };
 
-/// The case whose reference rear connects the ends of paths that switch from the highest to the
-/// lowest rate at thirds of a step by straight chords. These are behind the true rear by more than
-/// the file's tolerance; nothing reachable is there (random inputs in `properties.rs`).
+/// In this case, the reference draws the rear boundary with straight chords between the ends of
+/// paths that switch from the highest to the lowest rate at thirds of a step. The chords are behind
+/// the true rear boundary by more than the file's tolerance. Nothing there is reachable, see the
+/// random inputs in `properties.rs`.
 const COARSE_REAR: usize = 4;
 
 impl Reference {
-    /// The file's own tolerances: (area, m², boundary, m).
+    /// The file's own tolerances for an area (m²) and for the boundary (m).
     fn allowed(&self, area: f64) -> (f64, f64) {
         match (self.zero_in_all, self.steps_count) {
             (true, _) => (1e-4 + 1e-3 * area, 3e-4),
@@ -123,10 +126,10 @@ impl Reference {
         }
     }
 
-    /// Our polygon, with its rear drawn like the reference's.
+    /// Our polygon, with its rear boundary drawn with the reference's chords.
     fn with_coarse_rear(&self, polygon: &[[f64; 2]], step: usize) -> Vec<[f64; 2]> {
-        // The end of the path with the highest rates for the first `thirds` thirds of a step, then
-        // with the lowest.
+        // The end of the path that has the highest rates for the first `thirds` thirds of a step,
+        // and then the lowest rates.
         let end = |thirds: usize| {
             let pose = (0..3 * step).fold(self.x0, |pose, third| {
                 let rates = if third < thirds { &self.hi } else { &self.lo };
@@ -219,7 +222,7 @@ impl Case {
     }
 }
 
-/// Every case of the file.
+/// Compares every case of the file.
 pub(crate) fn measured() -> Vec<Case> {
     let vectors: Vectors =
         serde_json::from_str(include_str!("../data/shfrs_vectors.json")).expect("the data parses");

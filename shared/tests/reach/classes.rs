@@ -1,9 +1,10 @@
-//! Six classes of bounds, from the paper's to half a turn per step over 100 steps.
+//! Six classes of bounds, from the paper's class to half a turn per step over 100 steps.
 
 use sidestep::bounds::InputBounds;
 use sidestep::math::{PI, SeededRng, exp};
 
-/// Random bounds for up to `steps` steps and turn rates of up to `most` rad/s to both sides.
+/// Describes random bounds for up to `steps` steps, with turn rates of up to `most` rad/s to either
+/// side.
 pub(crate) struct Class {
     pub(crate) speed_mps: f64,
     pub(crate) step_s: f64,
@@ -25,11 +26,11 @@ pub(crate) const CLASSES: [Class; 6] = [
 ];
 
 impl Class {
-    /// Random bounds of several kinds, in up to the class's number of steps.
+    /// Random bounds of several kinds, for at most the class's number of steps.
     pub(crate) fn bounds(&self, rng: &mut SeededRng) -> InputBounds {
         let most = self.most;
         let straight = rng.below(3) == 0;
-        // Independent in each step, or constant over long stretches.
+        // The bounds change in each step, or are constant over long stretches.
         let (count, stretches) = (1 + rng.below(self.steps), rng.below(2) == 0);
         let change = rng.below(count);
         let mut held = (0.0, 0.0);
@@ -51,8 +52,8 @@ impl Class {
         InputBounds::new(lo, hi, (-most, most)).expect("bounds in order and in range")
     }
 
-    /// The same, but half of the steps exclude driving straight by anything from nearly nothing to
-    /// a tenth of the highest rate.
+    /// Like [`Self::bounds`], but half of the steps exclude straight driving, by nearly nothing up
+    /// to a tenth of the highest rate.
     #[allow(dead_code, reason = "the benchmark has no use for it")]
     pub(crate) fn grazing(&self, rng: &mut SeededRng) -> InputBounds {
         let any = self.bounds(rng);

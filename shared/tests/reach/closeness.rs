@@ -1,5 +1,5 @@
-//! Polygons of extremals against conservative ones, which do not use extremals: no reachable
-//! position is outside by more than the accuracy.
+//! Polygons of extremals, compared with conservative polygons, which do not use extremals. No
+//! reachable position is outside a polygon of extremals by more than its accuracy.
 
 use super::hard::Bounds;
 use super::set;
@@ -8,9 +8,9 @@ use sidestep::reach::polygon::signed_distance;
 use sidestep::reach::{Outline, PolygonSettings, ReachableSet, Workspace};
 use sidestep::vehicle::Pose;
 
-/// Checks tube and last step. A conservative polygon of a tenth of the accuracy contains the set,
-/// and exceeds it by about that. Returns how far one of its vertices was outside, as a share of the
-/// accuracy.
+/// Checks the tube and the last step. A conservative polygon with a tenth of the accuracy contains
+/// the set, and exceeds it by about that much. Returns how far its farthest vertex is outside the
+/// polygon of extremals, divided by the accuracy.
 fn check(set: &ReachableSet, accuracy_m: f64) -> f64 {
     let exact = PolygonSettings::new(accuracy_m, 4).unwrap();
     let around = PolygonSettings::new(0.1 * accuracy_m, 4).unwrap().conservative();
@@ -36,15 +36,15 @@ fn check(set: &ReachableSet, accuracy_m: f64) -> f64 {
     most
 }
 
-/// Bounds encoded as letters.
+/// Decodes bounds from letters, each of which stands for an entry of `pool`.
 fn spelt(letters: &str, pool: &[(f64, f64)]) -> ReachableSet {
     let place = |letter: u8| usize::from(letter - b'a');
     let (lo, hi): (Vec<_>, Vec<_>) = letters.bytes().map(|letter| pool[place(letter)]).unzip();
     set(Pose::new(0.0, 0.0, 0.0), &lo, &hi)
 }
 
-/// Bounds that exclude driving straight by 10⁻⁴ rad/s: extremals missed positions by 406 mm, 7.8 mm
-/// and 2.3 mm.
+/// These bounds exclude straight driving by less than 3·10⁻⁴ rad/s. Extremals missed positions by
+/// 406 mm, 7.8 mm and 2.3 mm.
 #[test]
 fn bounds_that_graze_straight_driving_hide_nothing() {
     let no_choice = (0.465_381_676_936_683_53, 0.465_381_676_936_683_53);

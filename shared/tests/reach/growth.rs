@@ -10,7 +10,7 @@ fn settings() -> PolygonSettings {
     PolygonSettings::new(1e-3, 2).expect("settings")
 }
 
-/// Bounds of any sign, sometimes without width.
+/// Bounds of either sign. Some have zero width.
 fn any_bounds(steps: usize, rng: &mut SeededRng) -> (Vec<f64>, Vec<f64>) {
     let straight = rng.below(3) == 0;
     let mut held = (0.0, 0.0);
@@ -44,7 +44,7 @@ fn starts(pose: Pose, rng: &mut SeededRng) -> StartSet {
     StartSet::new(pose, position, heading).expect("a start")
 }
 
-/// 10⁵ drives, none outside at all.
+/// Tests 10⁵ drives. None of their positions may be outside, not even by a rounding error.
 #[test]
 fn no_drive_leaves_a_conservative_polygon() {
     const PARTS: usize = 5;
@@ -78,8 +78,8 @@ fn no_drive_leaves_a_conservative_polygon() {
     }
 }
 
-/// Conservative polygons are at most 3 % larger, for sets of 0.1 m² or more. At sharp corners they
-/// can stick out by a few times the accuracy.
+/// Conservative polygons are at most 3 % larger than the set, for sets of 0.1 m² or more. At sharp
+/// corners, they can stick out by a few times the accuracy.
 #[test]
 fn a_conservative_polygon_exceeds_little() {
     let mut rng = SeededRng::new(42);
@@ -103,8 +103,8 @@ fn a_conservative_polygon_exceeds_little() {
             for &vertex in &surely {
                 let margin = -signed_distance(&exact, vertex);
                 farthest = farthest.max(-margin);
-                // The fine one deviates from the boundary on either side, and sticks out at sharp
-                // corners.
+                // The fine polygon deviates from the boundary to both sides, and sticks out at
+                // sharp corners.
                 assert!(margin <= 10.0 * fine.accuracy_m(), "{margin}");
             }
         }
@@ -114,8 +114,8 @@ fn a_conservative_polygon_exceeds_little() {
     assert!(farthest <= 10.0 * settings().accuracy_m(), "{farthest}");
 }
 
-/// Every boundary point is reached by some input that switches between the bounds and straight
-/// ahead: enumerated with 6 sub-steps per step over three steps.
+/// Near every boundary point, some input ends that switches between the bounds and straight
+/// driving. These inputs are enumerated with 6 sub-steps per step, over three steps.
 #[test]
 fn enumerated_inputs_reach_every_boundary_point() {
     const PARTS: usize = 6;
@@ -129,7 +129,8 @@ fn enumerated_inputs_reach_every_boundary_point() {
         let (lo, hi): (Vec<f64>, Vec<f64>) = case.into_iter().unzip();
         let set = set(origin(), &lo, &hi);
         let mut ends = vec![];
-        // At most two switches, between the two bounds and the admissible rate nearest to 0.
+        // An input has at most two switches, between the two bounds and the admissible rate nearest
+        // to 0.
         let parts = 3 * PARTS;
         for (first, second) in (0..=parts).flat_map(|i| (i..=parts).map(move |j| (i, j))) {
             for code in 0..27 {
@@ -160,7 +161,7 @@ fn an_uncertain_start_gives_the_union_of_its_starts() {
         let start = starts(Pose::new(1.0, 2.0, 0.5), &mut rng);
         let all = set(start, &lo, &hi);
         let grown = [all.tube_polygon(settings()), all.step_polygon(all.steps(), settings())];
-        // Every exact set is inside …
+        // The exact set of every start is inside.
         let exact: Vec<_> = (0..300)
             .map(|_| {
                 let one = set(random_pose(&start, true, &mut rng), &lo, &hi);
@@ -181,7 +182,7 @@ fn an_uncertain_start_gives_the_union_of_its_starts() {
 
 #[test]
 fn a_turned_path_sweeps_a_sector() {
-    // No choice: an arc of a circle around the start, ±0.4 rad.
+    // There is no choice, so the set is an arc of ±0.4 rad around the start.
     let start = StartSet::new(origin(), PositionUncertainty::None, 0.4);
     let set = set(start.expect("a start"), &[0.0; 5], &[0.0; 5]);
     let fine = PolygonSettings::new(1e-5, 1).expect("settings");
@@ -199,14 +200,14 @@ fn sums_with_a_disc() {
         signed_area(&minkowski_disc(polygon, radius, 1e-3).expect("a sum"))
     };
     let disc = PI * 9.0;
-    // 10⁻³ m all along the perimeter.
+    // The excess is up to 10⁻³ m all along the perimeter.
     let excess =
         |found: f64, exact: f64| found >= exact && found - exact < 1e-3 * (8.0 + 3.0 * TAU);
     assert!(excess(area(&square, 3.0), 4.0 + 8.0 * 3.0 + disc));
     assert!(excess(area(&square[..1], 3.0), disc));
     assert!(excess(area(&square[..2], 3.0), 2.0 * 2.0 * 3.0 + disc));
     assert!(excess(area(&square, 0.0), 4.0));
-    // A bay narrower than the disc is filled.
+    // The sum fills a bay that is narrower than the disc.
     let bay = [[0.0, 0.0], [3.0, 0.0], [3.0, 2.0], [2.0, 2.0], [1.5, 0.5], [1.0, 2.0], [0.0, 2.0]];
     let grown = minkowski_disc(&bay, 1.0, 1e-3).expect("a sum");
     assert!(signed_distance(&grown, [1.5, 2.0]) < 0.0);

@@ -1,6 +1,6 @@
 //! Sets for deliberately hard bounds: steps without a choice, bounds that just exclude or just
-//! admit straight driving, up to 50 steps. Drives constructed to get far out, by means other than
-//! the library's, stay inside.
+//! admit straight driving, and up to 50 steps. Drives that get as far out as possible stay inside.
+//! They are constructed by methods that the library does not use.
 
 use super::{SPEED_MPS, STEP_S, origin, set};
 use sidestep::math::{SeededRng, cos};
@@ -10,7 +10,7 @@ use sidestep::vehicle::dubins;
 
 const ACCURACY_M: f64 = 1e-3;
 
-/// Number of parts of a step in which rates change.
+/// Number of parts of a step. The rates can change between parts.
 const PARTS: usize = 8;
 const PART_S: f64 = STEP_S / PARTS as f64;
 
@@ -25,7 +25,8 @@ impl Bounds {
         Self { lo, hi }
     }
 
-    /// Bounds of a few kinds, each held for some steps or redrawn in each.
+    /// Random bounds. Each step either takes one of up to three pairs of bounds, or draws a new
+    /// pair.
     pub(super) fn hard(rng: &mut SeededRng, steps: usize) -> Self {
         let one = |rng: &mut SeededRng| {
             let (a, b) = (rng.uniform(-0.5, 0.5), rng.uniform(-0.5, 0.5));
@@ -50,7 +51,7 @@ impl Bounds {
         self.lo.len() * PARTS
     }
 
-    /// Integrates the rate of each part to the position after each.
+    /// Integrates the rate of each part, and returns the position after each part.
     fn drive(&self, mut rate: impl FnMut(usize, f64, (f64, f64)) -> f64) -> Vec<[f64; 2]> {
         let (mut pose, mut heading) = (origin(), 0.0);
         let parts = 0..self.parts();
@@ -64,8 +65,8 @@ impl Bounds {
         drive.collect()
     }
 
-    /// After each part, the heading from which the vehicle can still get farthest along 0, by
-    /// dynamic programming over headings.
+    /// For the start of each part and for the end, the heading from which the vehicle can still get
+    /// farthest in direction 0. Uses dynamic programming over headings.
     fn ridge(&self) -> Vec<f64> {
         const COUNT: usize = 801;
         const SPACING: f64 = 6.6 / (COUNT - 1) as f64;
@@ -103,7 +104,7 @@ impl Bounds {
     }
 }
 
-/// Polygons of a set, drawn once.
+/// Polygons of a set, drawn only once.
 struct Drawn {
     tube: Vec<[f64; 2]>,
     last: Vec<[f64; 2]>,
@@ -116,7 +117,7 @@ impl Drawn {
         Self { tube: set.tube_polygon(settings), last }
     }
 
-    /// How far outside the positions of a drive are, m, if negative.
+    /// How far inside the polygons a drive stays (m). Negative if a position is outside.
     fn margin(&self, drive: &[[f64; 2]]) -> f64 {
         let along = drive.iter().step_by(3).map(|position| -signed_distance(&self.tube, *position));
         along.fold(-signed_distance(&self.last, drive[drive.len() - 1]), f64::min)
@@ -127,7 +128,7 @@ fn exact() -> PolygonSettings {
     PolygonSettings::new(ACCURACY_M, 4).unwrap()
 }
 
-/// Drives as far as possible in many directions.
+/// Drives that get as far as possible in many directions stay inside.
 fn check_front(bounds: &Bounds) {
     let drawn = [exact(), exact().conservative()].map(|settings| Drawn::new(bounds, settings));
     let ridge = bounds.ridge();
@@ -169,7 +170,7 @@ fn turning_more_than_half_a_circle_the_tube_is_closed_on_its_inner_side() {
     }
 }
 
-/// All drives with up to two switches between the bounds.
+/// The ends of all drives with up to two switches between the bounds are inside.
 fn check_rear(bounds: &Bounds, settings: PolygonSettings) {
     let drawn = Drawn::new(bounds, settings);
     let parts = bounds.parts();
@@ -197,7 +198,8 @@ fn check_rear(bounds: &Bounds, settings: PolygonSettings) {
 #[test]
 fn paths_that_jump_twice_where_bounds_are_narrow_do_not_stay_farther_back() {
     let settings = PolygonSettings::new(1e-4, 4).unwrap();
-    // Straight driving is always admissible, and yet one switch stays 2.4 mm short.
+    // Straight driving is always admissible. Nevertheless, the paths with one switch miss the rear
+    // boundary by 2.4 mm.
     check_rear(
         &Bounds::new([
             (0.0, 0.496),

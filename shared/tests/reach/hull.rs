@@ -1,4 +1,4 @@
-//! The cheap convex polygons, and the work limit.
+//! The convex hulls, which take little work, and the work limit.
 
 use super::{any_drive, random_pose};
 use sidestep::bounds::InputBounds;
@@ -9,17 +9,18 @@ use sidestep::reach::{
 };
 use sidestep::vehicle::{Pose, dubins};
 
-/// Directions in which a hull touches the set.
+/// Number of directions in which a hull touches the set.
 const DIRECTIONS: usize = 128;
 
-/// By how much hulls are grown, m, for an accuracy of 1 mm, plus a nanosecond of travel per second.
+/// Bound on the growth of hulls (m) for an accuracy of 1 mm, plus a nanosecond of travel per
+/// second.
 const GROWN_M: f64 = 1.1e-5;
 
 fn settings() -> PolygonSettings {
     PolygonSettings::new(1e-3, 2).unwrap()
 }
 
-/// Speeds, m/s, steps, s, highest turn rates, rad/s, and numbers of steps.
+/// Speed (m/s), step (s), maximum turn rate (rad/s) and number of steps of each class.
 pub(super) const CLASSES: [(f64, f64, f64, usize); 6] = [
     (2.0, 0.2, 0.5, 15),
     (10.0, 0.5, 3.0, 12),
@@ -37,7 +38,7 @@ struct Case {
 }
 
 impl Case {
-    /// Any bounds of a class, from any start.
+    /// Random bounds of a class, with a random start.
     fn any(class: usize, rng: &mut SeededRng) -> Self {
         let (speed_mps, step_s, most, steps) = CLASSES[class];
         let bound = |rng: &mut SeededRng| {
@@ -78,9 +79,9 @@ impl Case {
         range.1 - range.0 < 0.5 * PI
     }
 
-    /// Extent in direction `phi`, rad in the world frame, from the start's centre, at the end and
-    /// at any instant: the integral of the largest admissible speed in that direction, by many
-    /// small steps.
+    /// Extent of the set from the start's centre in direction `phi` (rad, world frame), at the end
+    /// and at any instant. It is the integral of the largest admissible speed in this direction,
+    /// computed with many small steps.
     fn support(&self, phi: f64) -> (f64, f64) {
         const PARTS: usize = 400;
         let part_s = self.step_s / PARTS as f64;
@@ -91,7 +92,8 @@ impl Case {
         for &(lo, hi) in &self.bounds {
             for _ in 0..PARTS {
                 let (from, to) = (low + 0.5 * lo * part_s, high + 0.5 * hi * part_s);
-                // If an integer number of turns is between them; otherwise the nearer end is best.
+                // If `phi` is not an admissible heading, the admissible heading nearest to it is
+                // best.
                 let turns = (to / TAU).floor() * TAU;
                 let best = if turns >= from { 1.0 } else { sin_cos(from).1.max(sin_cos(to).1) };
                 along += best * self.speed_mps * part_s;
@@ -111,14 +113,15 @@ impl Case {
     }
 }
 
-/// Extent of a polygon in a direction, from a position.
+/// Extent of a polygon in direction `phi`, from a given position.
 fn farthest(polygon: &[[f64; 2]], [x, y]: [f64; 2], phi: f64) -> f64 {
     let (sin, cos) = sin_cos(phi);
     let along = polygon.iter().map(|p| (p[0] - x) * cos + (p[1] - y) * sin);
     along.fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// Twin: quadrature instead of the closed form, from uncertain starts as well.
+/// An independent computation, by quadrature instead of the closed form. It includes uncertain
+/// starts.
 #[test]
 fn a_hull_gets_as_far_as_the_best_headings_do() {
     let mut rng = SeededRng::new(61);
@@ -141,12 +144,12 @@ fn a_hull_gets_as_far_as_the_best_headings_do() {
         }
     }
     println!("{:.6} mm at most", 1e3 * largest);
-    // The quadrature's own error at 400 parts per step, and the growth of hulls.
+    // Allows for the error of the quadrature with 400 parts per step, and for the growth of hulls.
     assert!(largest < 1e-4, "{largest}");
 }
 
-/// Where straight driving is always admissible and bounds are symmetric, a drive that turns toward
-/// a direction and then goes straight gets as far as the hull, in every direction.
+/// If straight driving is always admissible and bounds are symmetric, a drive that turns toward a
+/// direction and then goes straight gets as far as the hull. This holds in every direction.
 #[test]
 fn a_drive_touches_the_hull_in_every_direction() {
     let mut rng = SeededRng::new(62);
@@ -165,7 +168,8 @@ fn a_drive_touches_the_hull_in_every_direction() {
             let (mut pose, mut turn, mut farthest_yet) = (start, 0.0, 0.0_f64);
             for rate in &rates {
                 let turning_s = ((phi.abs() - turn) / rate).clamp(0.0, step_s);
-                // Across the direction, where it stops getting farther or nearer, and toward it.
+                // First until the heading is perpendicular to the direction, where the vehicle
+                // stops moving away, and then until it faces the direction.
                 let across_s = ((phi.abs() - 0.5 * PI - turn) / rate).clamp(0.0, turning_s);
                 for seconds in [across_s, turning_s - across_s] {
                     pose = dubins::arc(pose, speed_mps, rate * phi.signum(), seconds);
@@ -183,8 +187,8 @@ fn a_drive_touches_the_hull_in_every_direction() {
     }
 }
 
-/// The vertices of polygons of extremals are reachable; this excludes bounds that just exclude
-/// driving straight.
+/// The vertices of polygons of extremals are reachable, so a hull contains them. The test has no
+/// bounds that just exclude straight driving.
 #[test]
 fn a_hull_contains_what_follows_the_boundary() {
     let mut rng = SeededRng::new(63);
@@ -213,9 +217,9 @@ fn a_hull_contains_what_follows_the_boundary() {
                 };
                 let (around, (outline, fine)) = (draw(hull).1, draw(settings()));
                 let Outline::Refined { margin_m } = outline else { continue };
-                // A set without width is drawn a five-hundredth of the accuracy wide. Polygons
-                // other than those of extremals stick out at sharp corners, more so if drawn more
-                // coarsely.
+                // A set of zero width is drawn with a width of 1/500 of the accuracy. Polygons that
+                // do not consist of extremals stick out at sharp corners, and more so if they are
+                // drawn more coarsely.
                 let beyond = match margin_m {
                     _ if case.turns_little() => GROWN_M,
                     0.0 => 5e-3,
@@ -258,9 +262,9 @@ fn hulls_from_uncertain_starts_contain_every_drive() {
     }
 }
 
-/// The kind of a polygon depends on its cost: the paper's rates meet no limit, a limit of 0 is
-/// always met, and half a turn in each of 100 steps meets the default one. A hull is convex and
-/// counter-clockwise.
+/// The kind of a polygon depends on the work that it takes. The paper's rates never exceed the
+/// limit, a limit of 0 is always exceeded, and half a turn in each of 100 steps exceeds the default
+/// limit. A hull is convex and counter-clockwise.
 #[test]
 fn the_limit_on_work_decides_between_the_kinds() {
     let mut rng = SeededRng::new(65);
@@ -293,7 +297,8 @@ fn the_limit_on_work_decides_between_the_kinds() {
         let (outline, hull) = kind(&set, settings, tube);
         assert_eq!(outline, Outline::ConvexHull);
         assert_convex(&hull);
-        // Nearly a disc: turn around within a second, then go straight.
+        // The hull is nearly a disc: the vehicle turns around within about a second, and then goes
+        // straight.
         let area = signed_area(&hull);
         assert!((PI * 198.0 * 198.0..PI * 200.0 * 200.0).contains(&area), "{area}");
     }

@@ -1,5 +1,5 @@
-//! Reachable states that polygons and membership once missed. A test of a known defect asserts that
-//! it still exists.
+//! Reachable states that polygons and membership tests once missed. If a defect is still known, its
+//! test asserts that it still exists.
 
 use super::{origin, random_drive, set};
 use sidestep::bounds::InputBounds;
@@ -8,8 +8,8 @@ use sidestep::reach::polygon::{signed_area, signed_distance};
 use sidestep::reach::{Outline, PolygonSettings, ReachableSet, Tolerance, Workspace};
 use sidestep::vehicle::{Pose, dubins};
 
-/// A drive with `inputs` within the bounds, one or several of equal length per step, at a speed,
-/// m/s, and step, s.
+/// A drive with `inputs` within the bounds. Every step has one input, or several inputs of equal
+/// duration. Speed in m/s, step in s.
 struct Case {
     speed_mps: f64,
     step_s: f64,
@@ -33,7 +33,8 @@ impl Case {
         self.inputs.iter().fold(origin(), step)
     }
 
-    /// How far outside the conservative polygon of 1 mm accuracy the drive ends, m.
+    /// How far the end of the drive is outside the conservative polygon with an accuracy of 1 mm
+    /// (m).
     fn outside_m(&self) -> f64 {
         let settings = PolygonSettings::new(1e-3, 16).unwrap().conservative();
         let polygon = self.set().step_polygon(self.inputs.len(), settings);
@@ -78,7 +79,7 @@ const SEVEN: Case = Case {
     inputs: &[-0.52, 2.8, 2.65, 1.95, -2.75, -2.05, 2.67],
 };
 
-/// At up to 1.5 rad per step these drives were once outside, by up to 390 mm.
+/// With up to 1.5 rad per step, these drives were once outside, by up to 390 mm.
 #[test]
 fn conservative_polygons_contain_drives_at_large_turns_per_step() {
     for case in [THREE, SIX, NINE] {
@@ -88,8 +89,8 @@ fn conservative_polygons_contain_drives_at_large_turns_per_step() {
     }
 }
 
-/// How far outside a drive may be, and is at most, m: after the last step, and at any instant of
-/// the tube.
+/// How far outside (m) a drive may be, and how far it is at most: for the last step, and for the
+/// tube after every part of the drive.
 fn misses(case: &Case, settings: PolygonSettings) -> [(f64, f64); 2] {
     let (set, parts) = (case.set(), case.inputs.len() / case.lo.len());
     let (mut workspace, mut polygon) = (Workspace::default(), Vec::new());
@@ -111,8 +112,8 @@ fn misses(case: &Case, settings: PolygonSettings) -> [(f64, f64); 2] {
     })
 }
 
-/// Drives that non-conservative polygons missed at large turns per step, by 0.45 m, 33 mm, 46 mm
-/// and 40 mm; the first and the last change their rates within steps.
+/// Drives with large turns per step that non-conservative polygons missed, some by 0.45 m, 33 mm,
+/// 46 mm and 40 mm. Two of the drives change their rates within steps.
 #[test]
 fn no_polygon_misses_a_drive_at_large_turns_per_step() {
     let within = Case {
@@ -153,8 +154,8 @@ fn no_polygon_misses_a_drive_at_large_turns_per_step() {
     }
 }
 
-/// A long stretch under some bounds, then one under others: tubes of extremals were cut off by up
-/// to 6.80 m.
+/// Many steps with the same bounds, followed by many steps with other bounds. Tubes of extremals
+/// were cut off by up to 6.80 m.
 #[test]
 fn a_tube_contains_its_own_steps_under_bounds_of_two_parts() {
     let parts = |parts: [(f64, usize); 2]| parts.map(|(rate, steps)| vec![rate; steps]).concat();
@@ -174,7 +175,8 @@ fn a_tube_contains_its_own_steps_under_bounds_of_two_parts() {
                 let Outline::Refined { margin_m } = outline else { panic!("step {step}") };
                 let outside = polygon.iter().map(|vertex| signed_distance(&tube, *vertex));
                 let most = outside.fold(f64::NEG_INFINITY, f64::max);
-                // Both are within the accuracy, or the step's polygon contains its set.
+                // Both polygons deviate by at most the accuracy, or the step's polygon contains its
+                // set.
                 let allowed = if margin_m > 0.0 { 16.0 * accuracy_m } else { 2.0 * accuracy_m };
                 assert!(most <= allowed, "{most} m, step {step} of {lo:?} {hi:?}");
             }
@@ -191,7 +193,7 @@ fn a_tube_contains_its_own_steps_under_bounds_of_two_parts() {
     }
 }
 
-/// The membership curves miss states that these drives reach: they once counted as outside.
+/// The membership curves miss states that these drives reach. These states once counted as outside.
 #[test]
 fn membership_misses_no_state_at_large_turns_per_step() {
     let [five, seven] = [FIVE, SEVEN].map(|case| {
@@ -203,9 +205,9 @@ fn membership_misses_no_state_at_large_turns_per_step() {
     assert!(five < -1.0 && seven < -5.0, "mended? {five} {seven}");
 }
 
-/// At the paper's rates a polygon of 0.1 mm accuracy once excluded two drives, by 0.147 mm and
-/// 0.194 mm: their rate switches twice, and such paths bound the set only for a short range of end
-/// headings. The first is drive 7 of the property test, with the random seed that found these
+/// At the paper's rates, a polygon with an accuracy of 0.1 mm once excluded two drives, by 0.147 mm
+/// and 0.194 mm. Their rates switch twice. Such paths bound the set only for a short range of end
+/// headings. The first one is drive 7 of the property test, with the random seed that found these
 /// bounds.
 #[test]
 fn a_polygon_misses_no_drive_that_switches_twice() {
@@ -228,9 +230,9 @@ fn a_polygon_misses_no_drive_that_switches_twice() {
     }
 }
 
-/// Bounds that exclude driving straight by less than 10⁻⁴ rad/s once counted as allowing it,
-/// regardless of the time: this set, with headings from 0.09 to 0.3 rad, had positions 4.5 m
-/// outside.
+/// Bounds that exclude straight driving by less than 10⁻⁴ rad/s once counted as admitting it,
+/// however long the steps were. This set, with headings from 0.09 to 0.3 rad, then contained
+/// positions that are 4.5 m outside.
 #[test]
 fn long_steps_that_forbid_driving_straight_do() {
     let of = |lo: f64, hi: f64, steps, speed_mps, step_s| {
@@ -244,7 +246,7 @@ fn long_steps_that_forbid_driving_straight_do() {
     for settings in [settings, settings.conservative()] {
         assert!(signed_distance(&long.step_polygon(1, settings), straight_on.position()) > 4.0);
     }
-    // No choice: one position.
+    // Without a choice, there is only one position.
     assert_eq!(of(9e-5, 9e-5, 100, 2.0, 0.2).step_polygon(100, settings).len(), 1);
 }
 
@@ -272,7 +274,7 @@ fn a_polygon_of_high_accuracy_misses_no_fast_drive() {
         let set = ReachableSet::new(origin(), &bounds, speed_mps, 0.2).unwrap();
         let settings = PolygonSettings::new(accuracy_m, 2).unwrap();
         let polygon = set.step_polygon(6, settings);
-        // The lowest rates, except in the middle half of the fifth step.
+        // The drive uses the lowest rates, except in the middle half of the fifth step.
         let end = lo.iter().enumerate().fold(origin(), |pose, (step, &low)| {
             let middle = if step == 4 { 0.7907283161693446 } else { low };
             [(low, 0.05), (middle, 0.1), (low, 0.05)]
@@ -284,7 +286,7 @@ fn a_polygon_of_high_accuracy_misses_no_fast_drive() {
     }
 }
 
-/// Coarse polygons were once larger than the convex hull, by up to 18 %.
+/// Coarse polygons were once up to 18 % larger than the convex hull.
 #[test]
 fn no_coarse_polygon_is_larger_than_the_convex_hull() {
     let bounds = InputBounds::new(vec![-1.5; 40], vec![1.5; 40], (-1.5, 1.5)).unwrap();

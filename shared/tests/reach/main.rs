@@ -1,5 +1,5 @@
-//! Reachable sets against drives, against enumerated inputs, against a reference and for
-//! self-consistency. Tests print their measurements (`cargo test --release -- --nocapture`).
+//! Reachable sets, compared with drives, with enumerated inputs and with a reference, and checked
+//! for consistency. The tests print their measurements (`cargo test --release -- --nocapture`).
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 #![allow(clippy::print_stdout, reason = "the measured errors are worth reading")]
 
@@ -40,8 +40,8 @@ fn origin() -> Pose {
     Pose::new(0.0, 0.0, 0.0)
 }
 
-/// The poses after each of `parts` parts of each step, under inputs that are a bound or any
-/// admissible rate, and change at random.
+/// The poses after each of the `parts` parts of every step. The inputs change at random. They are
+/// one of the bounds, or any admissible rate.
 fn random_drive(
     start: Pose,
     lo: &[f64],
@@ -66,7 +66,8 @@ fn random_drive(
     poses
 }
 
-/// The rate in each part as a position between the bounds: mostly at one of them.
+/// The rate in each part, as a position from 0 to 1 between the bounds. Most rates are one of the
+/// bounds.
 fn any_drive(parts: usize, rng: &mut SeededRng) -> Vec<f64> {
     let (mut share, restless) = (rng.unit().round(), rng.uniform(0.0, 0.5));
     let next = |_| {
@@ -78,7 +79,8 @@ fn any_drive(parts: usize, rng: &mut SeededRng) -> Vec<f64> {
     (0..parts).map(next).collect()
 }
 
-/// A random pose of an uncertain start. With `corners`, corners and rims are as likely as the rest.
+/// A random pose of an uncertain start. With `corners`, half of the coordinates are at their
+/// limits.
 fn random_pose(start: &StartSet, corners: bool, rng: &mut SeededRng) -> Pose {
     let mut signed = || {
         let any = rng.uniform(-1.0, 1.0);

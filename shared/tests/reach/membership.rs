@@ -6,7 +6,7 @@ use sidestep::math::{PI, SeededRng, hypot, sin_cos};
 use sidestep::reach::{Membership, PositionUncertainty, ReachableSet, StartSet, Tolerance};
 use sidestep::vehicle::{Pose, dubins};
 
-/// Random bounds of one of the relevant kinds.
+/// Random bounds of the given kind.
 fn random_bounds(steps: usize, kind: usize, rng: &mut SeededRng) -> (Vec<f64>, Vec<f64>) {
     let steady = rng.below(2) == 0;
     let mut last = (0.0, 0.0);
@@ -44,8 +44,9 @@ fn random_start(rng: &mut SeededRng) -> Pose {
     Pose::new(rng.uniform(-9.0, 9.0), rng.uniform(-9.0, 9.0), rng.uniform(-3.1, 3.1))
 }
 
-/// How far outside, m, a reachable state may seem: (kind of bounds, in up to 10 steps, beyond).
-/// Kinds 1 to 3 are exact; 0 is except for steps without both turns.
+/// How far outside (m) a reachable state may seem, for each kind of bounds: in up to 10 steps, and
+/// in more steps. Kinds 1 to 3 are exact. Kind 0 is exact except for steps that do not admit turns
+/// to both sides.
 const MISSED_M: [(f64, f64); 5] =
     [(3e-4, 3e-3), (1e-6, 1e-6), (1e-6, 1e-6), (1e-6, 1e-6), (1e-3, 5e-3)];
 
@@ -101,7 +102,8 @@ fn what_no_enumerated_input_comes_near_is_outside() {
                 })
                 .collect();
         }
-        // Neighbours in the cloud: a rate changed by one of the intervals in one part.
+        // The heading difference of neighbours in the cloud, whose rates differ by one interval in
+        // one part.
         let apart = (2.0 * RATE_RADPS / (RATES - 1) as f64) * STEP_S / 2.0;
         let (mut outside, mut inside) = (0, 0);
         for _ in 0..400 {
@@ -127,7 +129,7 @@ fn what_no_enumerated_input_comes_near_is_outside() {
     }
 }
 
-/// States around the set: some inside, some not.
+/// States around the boundary of the set, both inside and outside.
 fn probes(start: Pose, lo: &[f64], hi: &[f64], rng: &mut SeededRng) -> Vec<Pose> {
     (0..40)
         .map(|_| {
@@ -143,7 +145,7 @@ fn probes(start: Pose, lo: &[f64], hi: &[f64], rng: &mut SeededRng) -> Vec<Pose>
 fn wider_bounds_contain_more_and_the_set_moves_and_mirrors() {
     let mut rng = SeededRng::new(13);
     let tolerance = Tolerance::default();
-    // Tolerance of a state, so that numerical slivers do not decide.
+    // The larger set is tested with a larger tolerance, so that numerical slivers do not decide.
     let slack = Tolerance { position_m: 6e-3, heading_rad: 2e-3 };
     for round in 0..60 {
         let steps = [1, 2, 5, 10, 15, 20][round % 6];
@@ -197,10 +199,10 @@ fn a_trajectory_is_inside_as_long_as_its_inputs_are() {
     let mut inputs = [0.5; 10];
     assert!(set.contains_trajectory(&states(&inputs), Some(&inputs), none));
     assert!(set.contains_trajectory(&states(&inputs), None, Tolerance::default()));
-    // First too far right: the states show it, and the first is outside at once.
+    // The first input is too far right, so the first state is already outside.
     inputs[0] = -0.5;
     assert!(!set.contains_trajectory(&states(&inputs), Some(&inputs), Tolerance::default()));
-    // In the end too far right, after a left turn within a step: reachable otherwise.
+    // The last input is too far right. However, other inputs lead to the same state.
     inputs = [0.2; 10];
     inputs[9] = -0.12;
     assert!(set.contains_trajectory(&states(&inputs), Some(&inputs), Tolerance::default()));
@@ -231,7 +233,7 @@ fn without_a_choice_and_without_a_step() {
     }
 }
 
-/// Only rounding.
+/// Allows only rounding errors.
 const NONE: Tolerance = Tolerance { position_m: 0.0, heading_rad: 1e-9 };
 
 fn uncertain(position: PositionUncertainty, heading_rad: f64) -> StartSet {
@@ -261,7 +263,7 @@ fn an_uncertain_start_holds_what_any_of_its_poses_leads_to() {
                 let steps = states.len();
                 let tolerance = Tolerance { position_m: 0.002, heading_rad: 1e-9 };
                 assert!(all.contains_state(steps, end, tolerance), "{start:?} {lo:?} {hi:?}");
-                // Inside means inside the set of some start.
+                // A state is inside if it is inside the set of any start.
                 let aside = Pose::new(
                     end.x + rng.uniform(-0.8, 0.8),
                     end.y + rng.uniform(-0.8, 0.8),
@@ -278,7 +280,7 @@ fn an_uncertain_start_holds_what_any_of_its_poses_leads_to() {
                 let inside = decided == Membership::Inside;
                 open += usize::from(decided == Membership::Open);
                 assert!(inside || !found, "{start:?} {aside:?}");
-                // Few starts may lead there: random ones get at least near it.
+                // Perhaps only few starts lead to the state. Random starts need only get near it.
                 let near = Tolerance { position_m: 0.08, heading_rad: 0.04 };
                 assert!(!inside || found || any(near), "{start:?} {aside:?}");
                 outside += usize::from(!inside);
@@ -289,9 +291,9 @@ fn an_uncertain_start_holds_what_any_of_its_poses_leads_to() {
     }
 }
 
-/// 96 steps at up to half a turn each: the work limit holds for all states together, and no state
-/// of a drive is missed. A state that is out of reach, or turned too far at the paper's rates, is
-/// found.
+/// 96 steps with up to half a turn each. The work limit applies to all states together, and every
+/// state of a drive is contained. The test also detects a state that is out of reach, and, at the
+/// paper's rates, a state that has turned too far.
 #[test]
 fn the_states_of_a_drive_are_decided_together() {
     let mut rng = SeededRng::new(19);
@@ -326,8 +328,8 @@ fn the_states_of_a_drive_are_decided_together() {
     }
 }
 
-/// After tens of steps of up to half a turn each, some margins are too expensive, and are NaN. The
-/// headings of all others are admissible.
+/// After tens of steps with up to half a turn each, some margins take too much work and are NaN. In
+/// all other cases, the heading is admissible.
 #[test]
 fn margins_are_not_numbers_where_they_take_too_much_work() {
     let class = &CLASSES[5];
@@ -348,7 +350,7 @@ fn margins_are_not_numbers_where_they_take_too_much_work() {
     assert!((1..60).contains(&unknown), "{unknown}");
 }
 
-/// Half a turn to either side covers all headings: a larger tolerance changes nothing.
+/// Half a turn to either side covers all headings, so a larger tolerance changes nothing.
 #[test]
 fn a_tolerance_of_any_heading_is_half_a_turn() {
     let (lo, hi) = ([-0.5; 5], [0.5; 5]);

@@ -1,7 +1,7 @@
-//! Promises against drives that try to break them, at up to half a turn per step and over up to 100
-//! steps: conservative polygons and convex hulls contain every drive, others miss none by more than
-//! their accuracy, and membership includes every state of a drive. Drives also change their rates
-//! within steps.
+//! The guarantees, tested against drives that try to break them, with up to half a turn per step
+//! and up to 100 steps. Conservative polygons and convex hulls contain every drive. Other polygons
+//! miss no drive by more than their accuracy. Every state of a drive is a member. Drives also
+//! change their rates within steps.
 
 use super::classes::{CLASSES, Class};
 use super::region::Region;
@@ -13,11 +13,11 @@ use sidestep::vehicle::{Pose, dubins};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Number of parts of a step in which a drive has one turn rate.
+/// Number of parts of a step. A drive has one turn rate in each part.
 const PARTS: usize = 4;
 
-/// Number of drives per set, half of them random, half variations of the one that got farthest out;
-/// and how many of their end states are tested for membership.
+/// Number of drives per set, and how many of their end states are tested for membership. Half of
+/// the drives are random, and half are variations of the drive that got farthest out.
 #[derive(Clone, Copy)]
 struct Effort {
     drives: usize,
@@ -29,7 +29,7 @@ struct Subject {
     lo: Vec<f64>,
     hi: Vec<f64>,
     set: ReachableSet,
-    /// Tube and last step.
+    /// Polygons of the tube and of the last step.
     surely: [Region; 2],
     exact: [Region; 2],
     hulls: [Region; 2],
@@ -39,7 +39,7 @@ impl Subject {
     fn of(class: &'static Class, bounds: &InputBounds, rng: &mut SeededRng) -> Self {
         let (count, lo, hi) = (bounds.steps(), bounds.lo().to_vec(), bounds.hi().to_vec());
         let set = ReachableSet::new(origin(), bounds, class.speed_mps, class.step_s).unwrap();
-        // From 1 mm to 5 cm.
+        // An accuracy from 1 mm to 5 cm.
         let settings = PolygonSettings::new(1e-3 * exp(rng.uniform(0.0, 4.0)), 2).unwrap();
         let mut workspace = Workspace::default();
         let mut region = |settings, tube| {
@@ -68,8 +68,9 @@ impl Subject {
         })
     }
 
-    /// How far a drive stays inside the polygons of the last step, and of the tube from part `from`
-    /// on, m, and where it ends; for a margin above `least`, any number above it.
+    /// How far inside the polygons a drive stays (m), and where it ends. The last position is
+    /// compared with the polygons of the last step, and the positions from part `from` on with
+    /// those of the tube. If the margin exceeds `least`, returns `least`.
     fn margin(&self, shares: &[f64], from: usize, mut least: f64) -> (f64, Pose) {
         let mut end = origin();
         for (part, pose) in self.poses(shares).enumerate() {
@@ -86,11 +87,12 @@ impl Subject {
         (least, end)
     }
 
-    /// The smallest margin found, the shares of the bounds that gave it, and whether a state was
-    /// missed.
+    /// Returns the smallest margin found, the drive with this margin (as positions between the
+    /// bounds), and whether a state was missed.
     fn search(&self, effort: Effort, rng: &mut SeededRng) -> (f64, Vec<f64>, bool) {
         let parts = PARTS * self.lo.len();
-        // The start is on the edge of each tube: later positions are checked without it.
+        // The start is on the boundary of each tube. Therefore the tube is checked only from a
+        // random part on.
         let from = rng.below(parts);
         let (mut least, mut best, mut open) = (f64::INFINITY, vec![0.0; parts], None);
         for i in 0..effort.drives {
@@ -111,7 +113,7 @@ impl Subject {
                 open = (found == Membership::Open).then_some(end);
             }
         }
-        // In one of four sets, proofs are sought for one state that the curves miss.
+        // For one in four sets, search for a proof for a state that the curves miss.
         let missed = open.filter(|_| rng.below(4) == 0).is_some_and(|state| {
             !self.set.contains_state(self.lo.len(), state, Tolerance::default())
         });
@@ -127,7 +129,7 @@ struct Found {
     missed: usize,
 }
 
-/// Searches for drives that break a promise, on two threads, with `sets` bounds of each class.
+/// Searches for drives that break a guarantee, on two threads and with `sets` bounds of each class.
 fn search(
     sets: [usize; 6],
     effort: Effort,
@@ -180,9 +182,9 @@ fn no_drive_that_tries_breaks_a_promise() {
     search([30, 20, 20, 10, 10, 3], effort, 78, Class::grazing);
 }
 
-/// `cargo test --release -p sidestep --test reach -- --ignored --nocapture full_size`, with
+/// Run with `cargo test --release -p sidestep --test reach -- --ignored --nocapture full_size`. Set
 /// `SETS=1000` for a shorter run, `CLASS=4` for one class, and `GRAZING=1` for bounds that often
-/// just exclude driving straight.
+/// just exclude straight driving.
 #[test]
 #[ignore = "a search of its own, of about an hour"]
 fn a_search_of_full_size() {

@@ -8,10 +8,10 @@ use sidestep::reach::polygon::{bounding_box, signed_area, signed_distance};
 use sidestep::reach::{PolygonSettings, ReachableSet};
 use sidestep::vehicle::{Pose, dubins};
 
-/// Sub-steps of a step in random inputs.
+/// Number of sub-steps of a step in random drives.
 const PARTS: usize = 8;
 
-/// How far outside, m, a position may be: the requested accuracy.
+/// How far outside a position may be (m): the requested accuracy.
 fn accuracy() -> f64 {
     PolygonSettings::default().accuracy_m()
 }
@@ -21,7 +21,7 @@ fn positions(start: Pose, lo: &[f64], hi: &[f64], rng: &mut SeededRng) -> Vec<[f
     random_drive(start, lo, hi, PARTS, rng).iter().map(Pose::position).collect()
 }
 
-/// Bounds for each of `steps` steps, of both signs, sometimes without width.
+/// Bounds of either sign for each of `steps` steps. Some have zero width.
 fn any_bounds(steps: usize) -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
     let one =
         (-RATE_RADPS..RATE_RADPS, -RATE_RADPS..RATE_RADPS, 0..8).prop_map(
@@ -35,7 +35,7 @@ fn any_bounds(steps: usize) -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
     prop::collection::vec(one, steps).prop_map(|bounds| bounds.into_iter().unzip())
 }
 
-/// Bounds that are constant over stretches of steps, as Algorithm 1 gives them.
+/// Bounds that are constant over stretches of steps, like the bounds of Algorithm 1.
 fn steady_bounds(steps: usize) -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
     (any_bounds(4), prop::collection::vec(0..4_usize, steps)).prop_map(|((lo, hi), mut choice)| {
         choice.sort_unstable();
@@ -91,7 +91,7 @@ proptest! {
             prop_assert!(!polygon.is_empty());
             prop_assert!(polygon.iter().flatten().all(|c| c.is_finite()));
             prop_assert!(polygon.len() == 1 || polygon.first() != polygon.last());
-            // If it is thinner than the accuracy, a set's polygon may cross itself.
+            // The polygon of a set that is thinner than the accuracy may cross itself.
             let [x0, y0, x1, y1] = bounding_box(&polygon).expect("a polygon");
             let slack = accuracy() * hypot(x1 - x0, y1 - y0);
             prop_assert!(signed_area(&polygon) >= -slack);
@@ -153,8 +153,8 @@ proptest! {
     }
 }
 
-/// Area, m², of the tube if straight is admissible in every step: with t the time left, the front
-/// sweeps (v²/2)·t² per radian.
+/// Area (m²) of the tube if straight driving is admissible in every step. With a remaining time of
+/// t, the front sweeps (v²/2)·t² per radian.
 fn tube_area(lo: &[f64], hi: &[f64]) -> f64 {
     let cube = |seconds: f64| seconds * seconds * seconds;
     let left = |step: usize| (lo.len() - step) as f64 * STEP_S;
@@ -197,14 +197,14 @@ fn without_a_choice_the_set_is_a_path() {
         assert_eq!(polygon.len(), 1);
         assert!(signed_distance(&tube, pose.position()) <= 1e-9);
     }
-    // A path of 1.6 m, drawn a five-hundredth of the accuracy wide.
+    // A path of 1.6 m, drawn with a width of 1/500 of the accuracy.
     let area = signed_area(&tube);
     assert!((0.0..1.1 * 1.6 * 0.002 * accuracy()).contains(&area), "{area}");
     assert!(signed_distance(&tube, [5.0, 5.0]) > 1e-3);
 }
 
-/// A bound close to zero: a long piece of the front belongs to extremals that hardly differ at
-/// their end, and their switching times must be accurate to all digits.
+/// If a bound is close to zero, a long piece of the front belongs to extremals that hardly differ
+/// at their ends. Their switching times must be accurate to all digits.
 #[test]
 fn a_tube_with_a_bound_close_to_zero() {
     let (mut lo, mut hi) = ([0.0; 25], [0.0; 25]);

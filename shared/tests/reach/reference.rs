@@ -1,8 +1,8 @@
-//! Reachable sets against the reference cases.
+//! Reachable sets, compared with the reference cases.
 
 use super::cases;
 
-/// How far outside the true set a point of the coarse rear may be, m.
+/// How far outside the true set a point of the coarse rear boundary may be (m).
 const COARSE_CHORD_M: f64 = 1.4e-3;
 
 #[test]

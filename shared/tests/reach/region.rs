@@ -1,4 +1,5 @@
-//! Fast distances from a polygon with thousands of edges, for millions of positions.
+//! Fast computation of the distances of millions of positions from a polygon with thousands of
+//! edges.
 
 use core::cell::RefCell;
 use sidestep::math::hypot;
@@ -6,11 +7,12 @@ use sidestep::reach::polygon::{bounding_box, signed_distance};
 
 type Edge = [[f64; 2]; 2];
 
-/// A polygon with a grid that accelerates [`signed_distance`] with bit-identical results: the edges
-/// that can wind around a position depend on its row, and those that can be nearest on its cell.
+/// A polygon with a grid that accelerates [`signed_distance`]. The results are bit-identical. The
+/// row of a position limits which edges contribute to its winding number, and its cell limits which
+/// edges can be nearest.
 pub(crate) struct Region {
     polygon: Vec<[f64; 2]>,
-    /// How far outside a position may be, m.
+    /// How far outside a position may be (m).
     allowed_m: f64,
     corner: [f64; 2],
     side_m: f64,
@@ -20,9 +22,9 @@ pub(crate) struct Region {
 }
 
 struct Cell {
-    /// Margin of its centre, m.
+    /// Margin of the cell's centre (m).
     margin_m: f64,
-    /// The edges nearest to some position in the cell, and possibly others.
+    /// All edges that are nearest to some position in the cell, and possibly other edges.
     near: Vec<Edge>,
 }
 
@@ -36,7 +38,7 @@ impl Region {
         let mut rows = vec![Vec::new(); CELLS];
         let row = |y: f64| (y - y0) / side_m;
         for [a, b] in edges(&polygon) {
-            // One extra row on either side, against rounding.
+            // One extra row on either side allows for rounding errors.
             let first = (row(a[1].min(b[1])) - 1.0).max(0.0) as usize;
             let last = (row(a[1].max(b[1])) + 1.0) as usize;
             rows[first.min(CELLS - 1)..=last.min(CELLS - 1)]
@@ -47,8 +49,8 @@ impl Region {
         Self { polygon, allowed_m, corner, side_m, rows, cells }
     }
 
-    /// How far inside a position is, m, beyond the allowance; if that is more than `least`, any
-    /// number above it.
+    /// How far inside a position is, plus the allowance (m). If this exceeds `least`, the result
+    /// may be any number above `least`.
     pub(crate) fn margin(&self, position: [f64; 2], least: f64) -> f64 {
         let place = [0, 1].map(|i| ((position[i] - self.corner[i]) / self.side_m).floor());
         if !place.iter().all(|place| (0.0..CELLS as f64).contains(place)) {
@@ -70,8 +72,8 @@ impl Region {
 
     fn cell(&self, middle: [f64; 2]) -> Cell {
         let signed_m = signed_distance(&self.polygon, middle);
-        // The nearest edge of any position in the cell is at most twice half its diagonal, √½
-        // sides, farther from the centre.
+        // The edge nearest to a position in the cell is farther from the centre than the centre's
+        // nearest edge by at most twice half the cell's diagonal (√½ sides).
         let within_m = signed_m.abs() + 1.5 * self.side_m;
         let near = edges(&self.polygon).filter(|edge| distance(edge, middle) <= within_m);
         Cell { margin_m: self.allowed_m - signed_m, near: near.collect() }
@@ -83,13 +85,13 @@ fn edges(polygon: &[[f64; 2]]) -> impl Iterator<Item = Edge> + '_ {
     polygon.iter().zip(next).map(|(a, b)| [*a, *b])
 }
 
-/// Contribution of an edge to the winding number about a position.
+/// Contribution of an edge to the winding number around a position.
 fn winding([[ax, ay], [bx, by]]: &Edge, [x, y]: [f64; 2]) -> i32 {
     let left = (bx - ax) * (y - ay) - (by - ay) * (x - ax);
     i32::from(*ay <= y && y < *by && left > 0.0) - i32::from(*by <= y && y < *ay && left < 0.0)
 }
 
-/// Distance of a position from an edge, m.
+/// Distance of a position from an edge (m).
 fn distance([[ax, ay], [bx, by]]: &Edge, [x, y]: [f64; 2]) -> f64 {
     let (dx, dy, px, py) = (bx - ax, by - ay, x - ax, y - ay);
     let length2 = dx * dx + dy * dy;
@@ -120,7 +122,7 @@ mod tests {
             let [x0, y0, x1, y1] = bounding_box(&polygon).unwrap();
             let region = Region::new(polygon.clone(), 0.01);
             for place in 0..1000 {
-                // Anywhere, also beyond, and at and near the boundary.
+                // Anywhere, also outside the bounding box, and at or near the boundary.
                 let corner = polygon[rng.below(polygon.len())];
                 let position = match place % 3 {
                     0 => [rng.uniform(x0 - 0.1, x1 + 0.1), rng.uniform(y0 - 0.1, y1 + 0.1)],

@@ -1,5 +1,5 @@
-//! Polygons neither cross nor touch themselves, as other libraries require (brute force over pairs
-//! of edges).
+//! Polygons neither cross nor touch themselves, because other libraries require this. The test uses
+//! brute force over pairs of edges.
 
 use super::hull::CLASSES;
 use sidestep::bounds::InputBounds;
@@ -9,7 +9,7 @@ use sidestep::vehicle::Pose;
 
 type Point = [f64; 2];
 
-/// Twice the area of a triangle, > 0 if counter-clockwise.
+/// Twice the signed area of a triangle. Positive if it is counter-clockwise.
 fn turn(a: Point, b: Point, c: Point) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
@@ -23,7 +23,7 @@ fn meet(a: Point, b: Point, c: Point, d: Point) -> bool {
         && turn(c, d, a) * turn(c, d, b) <= 0.0
 }
 
-/// The flaw of a polygon of three vertices or more, if any.
+/// Describes a flaw of a polygon, if it has any. A single vertex is not a flaw.
 fn flaw(polygon: &[Point]) -> Option<String> {
     let n = polygon.len();
     if n < 3 {
@@ -56,8 +56,8 @@ fn flaws_are_found() {
     assert!(flaw(&[[0., 0.], [1., 1.], [2., 0.], [2., 2.], [1., 1.], [0., 2.]]).is_some());
 }
 
-/// A tube, and steps at the start, in the middle and at the end, each from a pose and from an
-/// uncertain start.
+/// Checks a tube, and the first, middle and last step, each from a pose and from an uncertain
+/// start.
 fn check(lo: &[f64], hi: &[f64], (speed_mps, step_s): (f64, f64), rng: &mut SeededRng) {
     let bounds = InputBounds::new(lo.to_vec(), hi.to_vec(), (-10.0, 10.0)).unwrap();
     let pose = Pose::new(3.0, -2.0, rng.uniform(-3.0, 3.0));
@@ -99,7 +99,7 @@ fn no_polygon_meets_itself() {
     }
 }
 
-/// Steps 1 and 3 of this set once crossed themselves.
+/// The polygons of steps 1 and 3 of this set once crossed themselves.
 #[test]
 fn a_polygon_that_met_itself_does_not_any_more() {
     let (lo, hi) = ([-2.79, 2.12, -2.85], [1.15, 2.86, -2.0]);

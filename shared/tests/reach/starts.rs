@@ -4,8 +4,9 @@ use sidestep::math::{PI, sin_cos};
 use sidestep::reach::{PositionUncertainty, StartSet};
 use sidestep::vehicle::Pose;
 
-/// The pose of a start at three shares from −1 to 1: of a box along and across the heading, or of a
-/// disc by angle and radius; and of the heading's uncertainty.
+/// The pose of a start at three shares from −1 to 1. The first two are the position in a box (along
+/// and across the heading) or in a disc (angle and radius). The third is the share of the heading's
+/// uncertainty.
 pub(crate) fn pose_at(start: &StartSet, [along, across, turn]: [f64; 3]) -> Pose {
     let (a, b) = match start.position() {
         PositionUncertainty::None => (0.0, 0.0),

@@ -1,4 +1,5 @@
-//! Games with a finite horizon: against an independent solution, a formula and the closed form.
+//! Games with a finite horizon, compared with an independent solution, a formula and the closed
+//! form.
 
 use super::{errors_near_zero, game, mitchell, paper, quantile, rows, solved, states, unequal};
 use sidestep::math::{SeededRng, TAU, hypot, sin_cos};
@@ -10,7 +11,8 @@ fn unequal_pair_agrees_with_an_independent_solution() {
     let options = Options::default().with_horizon(6.0).with_grid(grid);
     let ours = solved(unequal(), &options);
     assert_eq!(ours.method, Method::Cartesian);
-    // The error estimates, from two grids, are unreliable on the kinks themselves.
+    // The reference's error estimates come from two grids. They are unreliable on the kinks
+    // themselves.
     let (count, within, worst) = compared(&ours);
     assert!(count == 2000 && within >= 0.99, "{count} {within}");
     assert!(worst <= 0.08, "{worst}");
@@ -20,14 +22,14 @@ fn unequal_pair_agrees_with_an_independent_solution() {
 fn a_polar_grid_of_a_finite_horizon_agrees_with_an_independent_solution() {
     let ours = solved(unequal(), &Options::default().with_horizon(6.0));
     assert_eq!((ours.method, ours.converged), (Method::Polar, None));
-    // On kinks the reference's estimates are too small: see docs/validation/reachability.md.
+    // On kinks, the reference's estimates are too small (see docs/validation/reachability.md).
     let (count, within, worst) = compared(&ours);
     assert!(count > 1500 && within >= 0.975, "{count} {within}");
     assert!(worst <= 0.15, "{worst}");
 }
 
-/// The number of the independent solution's states on the grid, the share of them within their own
-/// error estimates, and the largest difference, m.
+/// Returns the number of the independent solution's states that are on the grid, the share of them
+/// within their own error estimates, and the largest difference (m).
 fn compared(solved: &Solved) -> (usize, f64, f64) {
     let (mut count, mut within, mut worst) = (0, 0_usize, 0.0_f64);
     for row in &rows(include_str!("../data/states_unequal.csv")) {
@@ -44,7 +46,8 @@ fn compared(solved: &Solved) -> (usize, f64, f64) {
     (count, share, worst)
 }
 
-/// Vehicles that do not turn: the minimum distance over time of two points on straight lines.
+/// For vehicles that do not turn, the value is the minimum distance over time of two points on
+/// straight lines, minus the radius.
 #[test]
 fn without_turns_the_nearest_approach_is_a_formula() {
     let game = game([2.0, 1e-5], [3.0, 1e-5], 2.5);
@@ -67,7 +70,7 @@ fn without_turns_the_nearest_approach_is_a_formula() {
     }
 }
 
-/// A sufficiently long finite horizon gives the converged value, here of the closed form.
+/// A sufficiently long finite horizon gives the converged value, which is the closed form here.
 #[test]
 fn a_long_horizon_gives_the_closed_form() {
     let options = Options::default().with_horizon(TAU).with_range(21.0);
@@ -79,7 +82,7 @@ fn a_long_horizon_gives_the_closed_form() {
 }
 
 /// A finite horizon that covers optimal play gives the closed form's value. The domain just covers
-/// the relevant states, and a finer grid is better.
+/// the relevant states, and a finer grid is more accurate.
 #[test]
 fn a_grid_for_a_finite_horizon_holds_what_matters() {
     let exact = mitchell().exact().unwrap();
@@ -112,8 +115,8 @@ fn a_grid_for_a_finite_horizon_holds_what_matters() {
     assert!(standard.0 < 0.02, "{standard:?}");
 }
 
-/// The volume is that of the interpolated function, on coarse nodes too: sums along one axis were
-/// 0.2 % too large there.
+/// The volume is computed from the interpolated function, so it is accurate on coarse nodes too.
+/// Sums along one axis were 0.2 % too large there.
 #[test]
 fn the_volume_on_coarse_nodes_is_right() {
     let grid = CartesianGrid::new([51, 40, 50], [-6.0, 20.0, -10.0, 10.0]);

@@ -1,4 +1,5 @@
-//! A value function as the rest of the program uses it: values, gradients, level curves, bytes.
+//! A value function, as the rest of the program uses it: values, gradients, level curves and
+//! encoded bytes.
 
 use super::{game, paper, paper_polar, quantile, solved, states, unequal, unequal_polar};
 use sidestep::math::{PI, TAU, atan2, hypot, sin_cos};
@@ -7,8 +8,8 @@ use sidestep::reachability::{
     Accuracy, CartesianGrid, CurveSettings, Nodes, Options, Scheme, ValueFunction,
 };
 
-/// −R ≤ V ≤ r − R, also between the nodes of a grid and on kinks, and far away V is the distance
-/// from the danger zone.
+/// −R ≤ V ≤ r − R, also between the nodes of a grid and on kinks. Far away, V is the distance from
+/// the danger zone.
 #[test]
 fn values_are_from_minus_the_radius_to_the_distance_of_the_danger_zone() {
     let options = Options::default().with_accuracy(Accuracy::Draft);
@@ -55,7 +56,7 @@ fn what_is_no_state_has_no_value() {
 #[test]
 fn a_batch_gives_the_same_bits() {
     for f in [&paper_polar().function, &ValueFunction::Exact(paper().exact().unwrap())] {
-        // Three parts of a batch, the last one not full.
+        // The batch has three parts, and the last part is not full.
         let mut states = states(12, 10_000, 30.0);
         let mut values = vec![0.0; states.len()];
         f.values_into(&states, &mut values).unwrap();
@@ -90,7 +91,7 @@ fn gradients_are_those_of_the_value() {
                 off.push((slope - gradient[d]).abs() / (1.0 + slope.abs()));
             }
         }
-        // The rest are across a face or a kink.
+        // The other differences are taken across a cell face or a kink.
         let p95 = quantile(&mut off, 0.95);
         assert!(p95 < 5e-3, "{p95}");
     }
@@ -104,7 +105,7 @@ fn symmetric_and_periodic() {
         assert!((value - f.value([x, -y, -psi])).abs() < 1e-5);
         assert!((value - f.value([x, y, psi + 3.0 * TAU])).abs() < 1e-5);
         assert!(value <= hypot(x, y) - 3.0 + 1e-4, "never above the present range");
-        // Across the seams of bearing and heading.
+        // V is continuous where the bearing and the heading wrap.
         assert!((f.value([x, 1e-9, psi]) - f.value([x, -1e-9, psi])).abs() < 1e-5);
         assert!((f.value([x, y, 1e-9]) - f.value([x, y, -1e-9])).abs() < 1e-5);
     }
@@ -112,7 +113,7 @@ fn symmetric_and_periodic() {
 
 #[test]
 fn a_bearing_is_continuous_around_the_evader() {
-    // The table's own arctangent must not introduce a step anywhere.
+    // The table's own arctangent must not introduce a jump anywhere.
     let f = &paper_polar().function;
     let mut last = None;
     for step in 0..=20_000 {
@@ -143,7 +144,7 @@ fn beyond_the_grid_the_deficit_is_that_of_its_edge() {
         let radial = far.gradient[0] * x / r + far.gradient[1] * y / r;
         assert!((radial - 1.0).abs() < 1e-9);
     }
-    // Cartesian: from the nearest point of the box.
+    // On a Cartesian grid, the deficit is that of the nearest point of the box.
     let grid =
         CartesianGrid::new([21, 21, 16], [-10.0, 10.0, -10.0, 10.0]).with_scheme(Scheme::Eno2);
     let options = Options::default().with_horizon(1.0).with_grid(grid);
@@ -183,7 +184,7 @@ fn level_curves_lie_on_the_level_and_close() {
 
 #[test]
 fn a_set_that_leaves_the_grid_closes_along_its_edge() {
-    // Every state is lost against a pursuer that is twice as fast and as nimble.
+    // Every state is lost against a pursuer that is twice as fast and turns twice as fast.
     let options = Options::default().with_range(6.0);
     let solved = solved(game([1.0, 0.5], [2.0, 1.0], 3.0), &options);
     let curves = solved.function.level_curves(0.4, 0.0, CurveSettings::default()).unwrap();
@@ -206,7 +207,7 @@ fn transport_is_small_and_close() {
             .fold(0.0, f64::max);
         eprintln!("{} bytes, largest error {off:.5} m", bytes.len());
         assert!(off <= 2e-3, "{off}");
-        // It is compressed for transport, too.
+        // The bytes are also compressed for transport.
         assert!(bytes.len() <= 1_500_000, "{}", bytes.len());
     }
 }

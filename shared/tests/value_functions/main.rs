@@ -1,5 +1,5 @@
-//! Value functions of solved games: against the closed form, against independent
-//! solutions of unequal games, and as the rest of the program uses them.
+//! Value functions of solved games: compared with the closed form and with independent solutions of
+//! unequal games, and tested as the rest of the program uses them.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
 mod finite_horizon;
@@ -23,12 +23,12 @@ fn paper() -> PursuitGame {
     game([2.0, 0.5], [2.0, 0.5], 3.0)
 }
 
-/// The unequal pair of the reference.
+/// The reference's unequal pair.
 fn unequal() -> PursuitGame {
     game([2.0, 0.5], [1.5, 0.8], 3.0)
 }
 
-/// Mitchell, Bayen and Tomlin (2005).
+/// The game of Mitchell, Bayen and Tomlin (2005).
 fn mitchell() -> PursuitGame {
     game([5.0, 1.0], [5.0, 1.0], 5.0)
 }
@@ -72,7 +72,7 @@ fn states(seed: u64, count: usize, range_m: f64) -> Vec<[f64; 3]> {
         .collect()
 }
 
-/// Errors of a solution near V = 0 of the closed form: (p99, largest, number).
+/// Errors of a solution at states where the closed form is near V = 0: (p99, largest, number).
 fn errors_near_zero(solved: &Solved, states: &[[f64; 3]]) -> (f64, f64, usize) {
     let exact = solved.function.game().exact().unwrap();
     let mut errors: Vec<f64> = states

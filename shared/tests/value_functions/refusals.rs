@@ -1,4 +1,4 @@
-//! Problems that are refused, cancelled or marked as unfinished.
+//! Problems that are rejected, cancelled or marked as not converged.
 
 use super::{game, paper, refused, unequal, unequal_polar};
 use core::ops::ControlFlow;
@@ -8,7 +8,7 @@ use sidestep::reachability::{
     SolveError, ValueFunction, solve,
 };
 
-/// The error message suggests a radius and a method that are accepted.
+/// The error message suggests a radius and a method, and both are accepted.
 #[test]
 fn a_radius_that_the_polar_grid_cannot_follow_is_refused_with_a_way_out() {
     let wide = game([2.0, 0.5], [1.5, 0.8], 300.0);
@@ -34,7 +34,8 @@ fn a_horizon_that_no_solve_gets_to_the_end_of_is_refused() {
     assert!(complaint.ends_with(" s, 1e8 time steps of this grid, found 1e300"), "{complaint}");
 }
 
-/// Fewer sweeps than drift is measured over: an infinite drift could not be represented in JSON.
+/// With fewer sweeps than the drift is measured over, the drift is still finite, because JSON
+/// cannot represent infinity.
 #[test]
 fn a_solve_of_few_sweeps_stays_marked_in_its_bytes() {
     let few = |most_sweeps| {

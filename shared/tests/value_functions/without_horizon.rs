@@ -1,4 +1,5 @@
-//! Games without a horizon, on a polar grid: against the closed form and an independent solution.
+//! Games without a horizon, on a polar grid, compared with the closed form and an independent
+//! solution.
 
 use super::{
     errors_near_zero, game, paper, paper_polar, polar_of, quantile, refused, rows, solved, states,
@@ -27,7 +28,8 @@ fn polar_is_within_two_centimetres_of_the_closed_form() {
 
 #[test]
 fn polar_scales_with_the_game() {
-    // *mitchell* has a turning radius of 5 m and R = 5 m: lengths 5/3 and 5/4 of *paper*.
+    // *mitchell* has a turning radius of 5 m and R = 5 m. These lengths are 5/4 and 5/3 of those of
+    // *paper*.
     let mitchell = polar_of(game([5.0, 1.0], [5.0, 1.0], 5.0));
     let (p99, worst, count) = errors_near_zero(&mitchell, &states(2, 100_000, 25.0));
     eprintln!("mitchell: {count} states: p99 {p99:.4}, largest {worst:.4} m");
@@ -39,7 +41,7 @@ fn small_and_large_vehicles_are_solved_alike() {
     let draft = Options::default().with_method(Method::Polar).with_accuracy(Accuracy::Draft);
     let life_size = solved(paper(), &draft);
     for scale in [1e-6, 0.1, 64.0, 1e9, f64::from(1 << 30)] {
-        // All lengths times `scale`; times and turn rates unchanged.
+        // All lengths are multiplied by `scale`. Times and turn rates are unchanged.
         let other = solved(game([2.0 * scale, 0.5], [2.0 * scale, 0.5], 3.0 * scale), &draft);
         assert_eq!(other.converged, Some(true), "{scale}");
         let again = ValueFunction::decode(&other.function.encode()).unwrap();
@@ -50,8 +52,8 @@ fn small_and_large_vehicles_are_solved_alike() {
             found.push((other.function.value(there) / scale - expected).abs());
             sent.push((again.value(there) / scale - expected).abs());
         }
-        // Radii with other binary digits round differently and may stop a window of sweeps earlier
-        // or later: the drift at which a draft stops is 1.2 mm.
+        // Radii with other binary digits round differently, so the solve may stop a window of
+        // sweeps earlier or later. A draft stops at a drift of 1.2 mm.
         assert!(quantile(&mut found, 0.99) < 3e-3, "{scale}: {}", quantile(&mut found, 0.99));
         assert!(quantile(&mut found, 1.0) < 0.05, "{scale}: {}", quantile(&mut found, 1.0));
         assert!(quantile(&mut sent, 0.99) < 4e-3, "{scale}: {}", quantile(&mut sent, 0.99));
@@ -60,7 +62,7 @@ fn small_and_large_vehicles_are_solved_alike() {
             assert_eq!(other.steps, life_size.steps);
         }
     }
-    // Times: all rates and speeds times 8.
+    // Scale the time: multiply all turn rates and speeds by 8.
     let faster = solved(game([16.0, 4.0], [16.0, 4.0], 3.0), &draft);
     let same = life_size.samples.deficit().zip(faster.samples.deficit()).all(|(a, b)| a == b);
     assert!(same, "powers of two change no bit");
@@ -105,7 +107,7 @@ fn single_and_double_precision_agree() {
     let double = polar::solve::<f64>(&unequal(), &settings, &mut go).unwrap();
     let differences = single.deficit.iter().zip(&double.deficit);
     let mut differences: Vec<f64> = differences.map(|(a, b)| (f64::from(*a) - b).abs()).collect();
-    // Cells on a kink flicker by centimetres, out of phase.
+    // Values of cells on a kink oscillate by centimetres, with different phases in the two solves.
     let p99 = quantile(&mut differences, 0.99);
     assert!(p99 < 5e-3, "{p99}");
 }
@@ -119,7 +121,7 @@ fn converged_value_is_below_that_of_any_horizon_and_near_it() {
         assert!(value <= row[3] + row[4] + 0.05, "{value} above {row:?}");
         differences.push((value - row[3]).abs());
     }
-    // Most of the game is over within the 6 s of the reference.
+    // Most encounters end within the reference's horizon of 6 s.
     assert!(quantile(&mut differences, 0.9) <= 0.012);
 }
 
@@ -156,7 +158,7 @@ fn turns_are_those_of_the_closed_form() {
 
 #[test]
 fn the_same_game_has_the_same_bytes_on_every_machine() {
-    // Lanes, threads and platform change no bit; a change of the solver changes this.
+    // SIMD lanes, threads and platform change no bit. A change of the solver changes this ID.
     let function = &unequal_polar().function;
     assert_eq!(function.id(), UNEQUAL_ID);
 }

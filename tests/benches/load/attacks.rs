@@ -1,8 +1,8 @@
 //! Effect of an attack, and of an analysis, on honest people.
 //!
-//! Attackers come through a proxy, from one address on the internet: programs on this machine are
-//! not rate-limited. They run on their own thread, so that they delay the server and not the
-//! measurement.
+//! Attackers come through a proxy, from one address on the internet, because the server does not
+//! rate-limit programs on its own machine. They run on a separate thread, so that they delay the
+//! server but not the measurement.
 
 use std::io;
 use std::net::SocketAddr;
@@ -22,23 +22,23 @@ use tokio::task::JoinSet;
 use tokio::time::{MissedTickBehavior, interval, sleep};
 use tokio_util::sync::CancellationToken;
 
-/// Uploads of honest people per second, and their connections.
+/// Uploads of honest people per second, and number of their connections.
 const HONEST_PER_S: f64 = 200.0;
 const HONEST: usize = 16;
 
-/// Requests of attackers per second, and their connections.
+/// Requests of attackers per second, and number of their connections.
 const REQUESTS_PER_S: u64 = 1_000;
 const ATTACKERS: u64 = 20;
 
 /// A kind of attack.
 #[derive(Clone, Copy)]
 enum Attack {
-    /// Holds this number of connections, which send nothing, or start a request like this and send
-    /// one byte per second.
+    /// Holds this number of connections. They send nothing, or they send this start of a request
+    /// and then one byte per second.
     Hold(u64, &'static str),
     /// Sends requests with this head and body.
     Send(&'static str, &'static str),
-    /// Sends the same and closes the connection before the response.
+    /// Sends the same requests, but closes the connection before the response.
     Vanish(&'static str, &'static str),
 }
 
@@ -68,7 +68,7 @@ pub(crate) async fn measure(subject: &Subject, folder: &Folder, seconds: f64, ch
     println!("\nunder attack ({}; {HONEST_PER_S} honest uploads a second)", subject.name);
     let own = Folder::default();
     let (database, _cluster) = subject.database(folder, "attacks.db");
-    // People for an analysis to compare.
+    // The people whom the analysis will compare.
     let trials = own.name("trials.csv");
     let people = ["simulate", "--participants", "30", "--seed", "1", "--out", &trials];
     run(&people).await.json();
@@ -97,7 +97,7 @@ pub(crate) async fn measure(subject: &Subject, folder: &Folder, seconds: f64, ch
         let (stop, count) = (CancellationToken::new(), Arc::new(AtomicU64::new(0)));
         let (stopped, counted) = (stop.clone(), Arc::clone(&count));
         let attackers = std::thread::spawn(move || attackers(address, attack, &stopped, counted));
-        // The analysis is running.
+        // Wait until the attack is under way.
         sleep(Duration::from_secs(1)).await;
         let beside = honest().await;
         stop.cancel();
@@ -122,7 +122,7 @@ pub(crate) async fn measure(subject: &Subject, folder: &Folder, seconds: f64, ch
     said(ANALYSIS, &beside, format!("; afterwards it is {state}"));
 }
 
-/// Attacks until stopped, on its own thread.
+/// Runs the attack on its own runtime until it is stopped.
 fn attackers(
     server: SocketAddr,
     attack: Attack,
@@ -141,7 +141,7 @@ fn attackers(
             let answered = Arc::clone(&answered);
             tasks.spawn(async move {
                 loop {
-                    // Whenever the server closes a connection, the attacker opens another one.
+                    // If the server closes a connection, the attacker opens a new one.
                     if attacker(server, attack, &answered).await.is_err() {
                         sleep(Duration::from_millis(50)).await;
                     }

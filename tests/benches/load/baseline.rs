@@ -12,8 +12,8 @@ const KEY_EVENTS: &str = r#"[{"t_ms":1990.5,"key":"ArrowLeft","down":true},{"t_m
 
 const DISPLAY: &str = r#"{"refresh_hz":60.0,"frames":612,"longest_frame_ms":18.4}"#;
 
-/// Inserts trials durably for `seconds` s, `per_commit` in each transaction, with the server's rows
-/// and settings. Returns the number of trials per second.
+/// Inserts trials durably for `seconds` s, with `per_commit` trials in each transaction and with
+/// the server's row sizes and settings. Returns the number of trials per second.
 pub(crate) async fn inserts(folder: &Folder, per_commit: usize, seconds: f64) -> f64 {
     let begin = Instant::now();
     let goes_on = || begin.elapsed().as_secs_f64() < seconds;
@@ -39,8 +39,8 @@ async fn insert(folder: &Folder, per_commit: usize, goes_on: impl Fn() -> bool) 
     let states = vec![0x5a_u8; 48 * (STEPS + 1)];
     let mut count = 0;
     while goes_on() {
-        // One statement for all, so that only SQLite is measured. The ids have the length of the
-        // server's, and are as unordered.
+        // A single statement inserts all trials, so that only SQLite is measured. The ids are as
+        // long and as unordered as the server's ids.
         let insert = sqlx::query(
             "WITH RECURSIVE one(number) AS
                  (SELECT 1 UNION ALL SELECT number + 1 FROM one WHERE number < ?1)

@@ -8,7 +8,7 @@ use sidestep_tests::{Database, Driver, Folder, Process, sqlite};
 use sqlx::{AssertSqlSafe, SqliteConnection};
 
 /// Measures how long a server takes to be ready on a database with this number of trials. The
-/// database is stored beside other temporary files for the next run.
+/// database file is kept in the folder for temporary files and reused by the next run.
 pub(crate) async fn measure(trials: usize) {
     let name = format!("sidestep-{trials}-trials.db");
     let database = Database::file(Path::new(env!("CARGO_TARGET_TMPDIR")), &name);
@@ -34,7 +34,7 @@ pub(crate) async fn measure(trials: usize) {
     }
 }
 
-/// One participant drives all trials; the rest of the database are copies.
+/// Creates the database. One participant drives all trials, and the other participants are copies.
 async fn make(folder: &Folder, file: &Path, trials: usize) {
     let aside = file.with_extension("part");
     for ending in ["part", "part-wal", "part-shm"] {
@@ -51,7 +51,8 @@ async fn make(folder: &Folder, file: &Path, trials: usize) {
     std::fs::rename(aside, file).expect("the database");
 }
 
-/// Copies the only participant with all references until there are `people`.
+/// Copies the only participant, with all rows that refer to it, until there are `people`
+/// participants.
 async fn copy(db: &mut SqliteConnection, people: u32) -> sqlx::Result<()> {
     let begin = "PRAGMA synchronous = OFF; PRAGMA foreign_keys = OFF; BEGIN";
     sqlx::raw_sql(begin).execute(&mut *db).await?;
@@ -71,7 +72,7 @@ async fn copy(db: &mut SqliteConnection, people: u32) -> sqlx::Result<()> {
 }
 
 /// The statement that copies the first participant's rows in a table, with new values in the
-/// identifying columns.
+/// `changed` columns, which identify a row.
 async fn copying(db: &mut SqliteConnection, table: &str, changed: &[&str]) -> sqlx::Result<String> {
     let columns = "SELECT name FROM pragma_table_info(?1)";
     let columns: Vec<String> = sqlx::query_scalar(columns).bind(table).fetch_all(db).await?;

@@ -1,11 +1,11 @@
 //! A server under load: `cargo xtask bench load`.
 //!
-//! Starts servers on a new database and uploads real trials through their HTTP interface: at full
-//! speed, while a class enrols at once, and by people at their own pace. Afterwards every
-//! acknowledged trial is compared with the database. In the same run and on the same disk, a loop
-//! that only inserts such trials with SQLite is one baseline, and oTree the other.
+//! Starts servers on a new database and uploads real trials over HTTP in three ways: at full speed,
+//! while a class enrols at once, and from people at their own pace. Afterwards every acknowledged
+//! trial is compared with the database. Two baselines run on the same disk: a loop that only
+//! inserts such trials with SQLite, and oTree.
 //!
-//! It uses one thread. `SIDESTEP_BIN` is the path of the server to measure.
+//! The benchmark uses one thread. `SIDESTEP_BIN` is the path of the server to measure.
 #![allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
 
 mod attacks;
@@ -30,43 +30,44 @@ use tokio::task::LocalSet;
 #[derive(Parser)]
 #[command(name = "cargo xtask bench load --")]
 struct Options {
-    /// Run a quarter of the people and seconds.
+    /// Use a quarter of the people and of the seconds.
     #[arg(long)]
     quick: bool,
-    /// Scenarios to measure [default: all but `attacks` and `start`].
+    /// Scenarios to measure [default: all except `attacks` and `start`].
     #[arg(long, value_delimiter = ',', default_values = ["fast", "class", "natural", "otree"])]
     scenarios: Vec<Scenario>,
-    /// Databases to measure: all whose name in the output contains one of these.
+    /// Databases to measure: every database whose name in the output contains one of these strings.
     #[arg(long, value_delimiter = ',', default_value = "")]
     databases: Vec<String>,
-    /// Attacks to run: all whose name contains one of these.
+    /// Attacks to run: every attack whose name contains one of these strings.
     #[arg(long, value_delimiter = ',', default_value = "")]
     attacks: Vec<String>,
     /// Connections that upload at full speed.
     #[arg(long, default_value_t = 64)]
     connections: usize,
-    /// Duration, s.
+    /// Duration (s).
     #[arg(long, default_value_t = 10.0)]
     seconds: f64,
-    /// Uploads per second by the clock afterwards, over the same number of connections.
+    /// Rate of the uploads that follow at a fixed rate, per second, over the same number of
+    /// connections.
     #[arg(long, default_value_t = 2_000.0)]
     rate: f64,
-    /// People at their own pace, with a trial every 12 s each.
+    /// Number of people who drive at their own pace, one trial every 12 s each.
     #[arg(long, default_value_t = 3_000)]
     people: usize,
-    /// Time in which they join, evenly, s.
+    /// Period in which they join, evenly distributed (s).
     #[arg(long, default_value_t = 12.0)]
     join_s: f64,
-    /// How long they take part after the last has joined, s.
+    /// How long they take part after the last of them has joined (s).
     #[arg(long, default_value_t = 40.0)]
     natural_s: f64,
-    /// Trials in the database for the start of a server.
+    /// Number of trials in the database for the scenario `start`.
     #[arg(long, default_value_t = 500_000)]
     trials: usize,
     /// Seed of all random choices.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Ignored; for other benchmarks.
+    /// Ignored; other benchmarks use it.
     #[arg(long, hide = true)]
     discard_baseline: bool,
     #[arg(long, hide = true)]
@@ -75,26 +76,26 @@ struct Options {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Scenario {
-    /// Uploads at full speed, and by the clock.
+    /// Uploads at full speed, and at a fixed rate.
     Fast,
-    /// A class that enrols at once while others upload.
+    /// A class enrols at once while others upload.
     Class,
     /// People at their own pace, who reload, retry, vanish and withdraw.
     Natural,
-    /// oTree, which stores a field of 4 KB from each page.
+    /// oTree stores a field of 4 KB from each page.
     Otree,
     /// Honest uploads during an attack, and during an analysis.
     Attacks,
-    /// The start of a server on a large database, which is created on first use.
+    /// The start of a server on a large database, which the first run creates.
     Start,
 }
 
 impl Options {
-    /// The same, a quarter as long.
+    /// With `--quick`, shortens all scenarios.
     fn quickly(mut self) -> Self {
         if self.quick {
             self.seconds /= 4.0;
-            // Two trials of each person.
+            // At least two trials per person.
             self.natural_s = (self.natural_s / 4.0).max(25.0);
             self.people /= 4;
             self.trials /= 20;
@@ -107,17 +108,17 @@ impl Options {
     }
 }
 
-/// Connections that enrol.
+/// Number of connections that enrol.
 const ENROLLING: usize = 16;
 
-/// People who enrol at once, and trials per second that others upload meanwhile.
+/// Number of people who enrol at once, and rate at which others upload trials meanwhile (1/s).
 const CLASS: usize = 600;
 const BESIDE_PER_S: usize = 40;
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> ExitCode {
     let options = Options::parse().quickly();
-    // On a disk: the folder for temporary files may be in memory.
+    // The folder must be on a disk, because the folder for temporary files may be in memory.
     let folder = Folder::within(env!("CARGO_TARGET_TMPDIR"));
     LocalSet::new().run_until(measure(&options, &folder)).await
 }
@@ -156,7 +157,7 @@ async fn measure(options: &Options, folder: &Folder) -> ExitCode {
     if broken == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// Runs all scenarios on one database; returns the number of broken promises.
+/// Runs the chosen scenarios on one database, and returns the number of broken promises.
 async fn on(options: &Options, under: Under, peer_per_s: Option<f64>) -> usize {
     if options.has(Scenario::Fast) {
         fast(options, &under, peer_per_s).await;
@@ -181,10 +182,10 @@ async fn on(options: &Options, under: Under, peer_per_s: Option<f64>) -> usize {
     found.broken()
 }
 
-/// At full speed, and then by the clock.
+/// Uploads at full speed, and then at a fixed rate.
 async fn fast(options: &Options, under: &Under, peer_per_s: Option<f64>) {
     let crowd = &under.crowd;
-    // Enough for all uploads, at one trial per 0.1 ms.
+    // Enough people for 10,000 trials per second.
     let people = (options.seconds * 10_000.0 / 59.0) as usize;
     let begin_cpu_s = under.usage().cpu_s;
     let (count, seconds) = crowd.enrol(people, ENROLLING, 3.0 * options.seconds).await;
@@ -253,7 +254,7 @@ async fn class(under: &Under) {
     crowd.take_others();
 }
 
-/// People at their own pace.
+/// People upload at their own pace.
 async fn natural(options: &Options, under: &Under) {
     let crowd = &under.crowd;
     let habits = Habits { seed: options.seed, ..Habits::default() };

@@ -1,4 +1,4 @@
-//! The alternative: oTree on SQLite, whose participants submit pages with a field of 4 KB.
+//! The alternative: oTree on SQLite. Its participants submit pages with a field of 4 KB.
 
 use std::cell::Cell;
 use std::fs;
@@ -18,7 +18,7 @@ use tokio::process::{Child, Command};
 use tokio::task::JoinSet;
 use tokio_rustls::rustls::RootCertStore;
 
-/// Variable with its command, which `cargo xtask bench` installs.
+/// Environment variable with the path of the command `otree`, which `cargo xtask bench` installs.
 const COMMAND: &str = "SIDESTEP_OTREE";
 
 const SETTINGS: &str = "
@@ -60,11 +60,12 @@ page_sequence = [Store]
 
 const PAGE: &str = "{{ block content }}{{ formfields }}{{ next_button }}{{ endblock }}\n";
 
-/// Pages per participant. oTree creates all rows of a session at its start, so more pages slow that
-/// down.
+/// Pages per participant. oTree creates all rows of a session when the session starts, so more
+/// pages make that slower.
 const ROUNDS: usize = 60;
 
-/// Submissions per second over this number of connections; `None` if oTree is not available.
+/// Measures the submissions per second over this number of connections. Returns `None` if oTree is
+/// not available.
 pub(crate) async fn measure(folder: &Folder, connections: usize, seconds: f64) -> Option<f64> {
     let Some(command) = std::env::var_os(COMMAND).map(PathBuf::from) else {
         row("oTree", "not measured", "it could not be installed from PyPI");
@@ -89,7 +90,7 @@ pub(crate) async fn measure(folder: &Folder, connections: usize, seconds: f64) -
     }
 }
 
-/// A running oTree server; dropping it stops it.
+/// A running oTree server. Dropping it stops the server.
 struct Server {
     address: SocketAddr,
     _child: Child,
@@ -106,14 +107,14 @@ impl Server {
         fs::write(project.join("store/__init__.py"), app)?;
         fs::write(project.join("store/Store.html"), PAGE)?;
         let address = TcpListener::bind("127.0.0.1:0")?.local_addr()?;
-        // It restarts itself by its name.
+        // oTree restarts itself by its command's name, so the command must be on the PATH.
         let beside = command.parent().map(PathBuf::from);
         let folders = std::env::var_os("PATH").unwrap_or_default();
         let folders = beside.into_iter().chain(std::env::split_paths(&folders));
         let path = std::env::join_paths(folders).map_err(io::Error::other)?;
         let mut child = Command::new(command)
             .env("PATH", path)
-            // Its web server in one process, as `otree prodserver` starts it.
+            // oTree's web server in one process, as `otree prodserver` starts it.
             .args(["prodserver1of2", &address.port().to_string()])
             .current_dir(&project)
             .env("OTREE_PRODUCTION", "1")
@@ -133,7 +134,7 @@ impl Server {
         Ok(Self { address, _child: child })
     }
 
-    /// The codes of the participants of a new session.
+    /// Creates a session, and returns the codes of its participants.
     async fn session(&self, participants: usize) -> io::Result<Vec<String>> {
         let address = self.address;
         let json = async |request: reqwest::RequestBuilder| {
@@ -153,10 +154,10 @@ impl Server {
         Ok(codes.filter_map(|one| one["code"].as_str().map(str::to_owned)).collect())
     }
 
-    /// Submits pages over this number of connections for a while. Returns submissions per second
-    /// and their latencies.
+    /// Submits pages over this number of connections for `seconds` s. Returns the submissions per
+    /// second and their latencies.
     async fn submissions(&self, connections: usize, seconds: f64) -> io::Result<(f64, Latencies)> {
-        // Enough for 400 per second.
+        // Enough participants for 400 submissions per second.
         let participants = (400.0 * seconds / ROUNDS as f64) as usize + connections;
         let mut codes = self.session(participants).await?;
         let form = Rc::new([b"data=", &[b'x'; 4_096][..]].concat());
@@ -172,7 +173,7 @@ impl Server {
             tasks.spawn_local(async move {
                 let mut connection = Connection::open(address, None).await?;
                 for code in own {
-                    // Opening the link starts the participation.
+                    // A request for this link starts the participation.
                     let begun = format!("/InitializeParticipant/{code}");
                     connection.send("GET", &begun, None, b"").await?;
                     for page in 1..=ROUNDS {

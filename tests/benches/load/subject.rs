@@ -1,4 +1,4 @@
-//! Configurations to measure: servers on a database.
+//! Configurations to measure: a database and one or more servers.
 
 use std::rc::Rc;
 
@@ -6,12 +6,12 @@ use sidestep_tests::load::{Comparison, Crowd, Usage, compare};
 use sidestep_tests::postgres::{Cluster, Fsync};
 use sidestep_tests::{Database, Folder, Process};
 
-/// Servers on a database; one line of the table.
+/// One or more servers on a database: one line of the table.
 pub(crate) struct Subject {
     pub(crate) name: &'static str,
     kind: Kind,
     servers: usize,
-    /// Target in uploads per second.
+    /// Target (uploads per second).
     least_per_s: f64,
 }
 
@@ -35,18 +35,18 @@ pub(crate) struct Under {
     pub(crate) least_per_s: f64,
     servers: Vec<Process>,
     database: Database,
-    // Dropped last.
+    // Dropped last, because fields are dropped in order.
     _cluster: Option<Cluster>,
     _folders: Vec<Folder>,
 }
 
 impl Subject {
-    /// A new database, with the cluster that it is in.
+    /// Creates a database. For PostgreSQL, also returns its cluster.
     pub(crate) fn database(&self, folder: &Folder, file: &str) -> (Database, Option<Cluster>) {
         match self.kind {
             Kind::Sqlite => (Database::file(folder.root(), file), None),
             Kind::Postgres => {
-                // As in production, every commit waits for the disk.
+                // Every commit waits for the disk, as in production.
                 let cluster = Cluster::start(Fsync::On);
                 (cluster.create(), Some(cluster))
             }
@@ -58,7 +58,8 @@ impl Subject {
         self.servers == 1
     }
 
-    /// Starts the servers on a new database in a folder; otherwise returns why they do not start.
+    /// Starts the servers on a new database in a folder. The error is the last line of the log of a
+    /// server that did not start.
     pub(crate) async fn start(&self, folder: &Folder) -> Result<Under, String> {
         let (database, cluster) = self.database(folder, "load.db");
         let folders: Vec<Folder> = (0..self.servers).map(|_| Folder::default()).collect();
@@ -80,7 +81,7 @@ impl Subject {
 }
 
 impl Under {
-    /// Resources used by all servers.
+    /// Resources used by all servers together.
     pub(crate) fn usage(&self) -> Usage {
         let all = self.servers.iter().map(|server| Usage::of(server.id()));
         let none = Usage { cpu_s: 0.0, memory_mb: [0.0; 2] };
@@ -90,8 +91,8 @@ impl Under {
         })
     }
 
-    /// Kills the servers, which need no clean shutdown, and compares the database with their
-    /// acknowledgements.
+    /// Kills the servers, which need no clean shutdown, and compares the database with the
+    /// acknowledged uploads.
     pub(crate) async fn compared(self) -> Comparison {
         for server in self.servers {
             server.kill().await;

@@ -2,14 +2,14 @@
 
 use serde_json::{Value, json};
 
-/// The quantile of `values` at `share`; `values` must not be empty.
+/// The `share` quantile of `values`, which must not be empty.
 pub(crate) fn quantile(values: &[f64], share: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted[((sorted.len() - 1) as f64 * share).round() as usize]
 }
 
-/// Median, the 95th and 99th percentile, and the largest of `values`.
+/// The count, median, 95th and 99th percentiles and maximum of `values`.
 pub(crate) fn distribution(values: &[f64]) -> Value {
     json!({
         "count": values.len(),

@@ -1,4 +1,4 @@
-//! Latency from a key to the first frame that shows the turn.
+//! Latency from a key press to the first frame that shows the turn.
 
 use crate::figures::distribution;
 use crate::scenes::{BEFORE, STUDY, sent};
@@ -10,11 +10,11 @@ use sidestep_tests::participant::begin;
 use sidestep_tests::{Browser, Server};
 use std::time::Duration;
 
-/// Scenes, with two presses in each.
+/// Number of scenes, with two key presses in each.
 const SCENES: usize = 8;
 
-/// Makes the page record when keys went down, and the direction of the human's arrow in each frame
-/// that painted it: the outline of an arrow has seven corners, and the fourth is its tip.
+/// Makes the page record the times of key presses, and the direction of the human's arrow in each
+/// frame that paints it. The outline of an arrow has seven corners, of which the fourth is the tip.
 fn watch() -> String {
     let [r, g, b] = colours::HUMAN.light;
     format!(
@@ -35,11 +35,11 @@ fn watch() -> String {
     )
 }
 
-/// Times of key presses and directions of the arrow, on the browser's clock, ms.
+/// Times of key presses (ms, on the browser's clock), and directions of the arrow.
 #[derive(Deserialize)]
 struct Seen {
     downs: Vec<f64>,
-    /// Time of the frame, heading in radians.
+    /// Time of the frame (ms) and heading (rad).
     headings: Vec<(f64, f64)>,
 }
 
@@ -71,7 +71,7 @@ pub(crate) async fn measured() -> Value {
         gaps.extend(seen.headings.windows(2).map(|pair| pair[1].0 - pair[0].0));
         let presses = trial.key_events.iter().filter(|event| event.down).map(|event| event.t_ms);
         for (t_ms, stamp) in presses.zip(&seen.downs) {
-            // The trial counts time from the scene's start, the browser from the page's.
+            // The trial's time starts with the scene, the browser's time with the page.
             let wait = (t_ms / 200.0).ceil() * 200.0 - t_ms;
             let due = stamp + wait;
             let before = seen.headings.iter().rfind(|(at, _)| *at <= due).expect("a frame").1;
@@ -92,7 +92,7 @@ pub(crate) async fn measured() -> Value {
     })
 }
 
-/// Number of decimals of a time, up to 4.
+/// Number of decimals of a time, at most 4.
 fn decimals(ms: f64) -> i32 {
     let is_whole = |digits: &i32| {
         let scaled = ms * 10f64.powi(*digits);

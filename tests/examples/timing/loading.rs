@@ -1,4 +1,4 @@
-//! Time from the link to the first usable page, on a slow connection.
+//! Time from opening the link to the first usable page, on a slow connection.
 
 use crate::figures::quantile;
 use serde::Deserialize;
@@ -24,7 +24,7 @@ fn watch() -> String {
 #[derive(Deserialize)]
 struct Loaded {
     usable_ms: f64,
-    /// Bytes transferred, with headers.
+    /// Bytes transferred, including headers.
     bytes: f64,
     requests: usize,
 }

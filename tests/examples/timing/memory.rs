@@ -1,9 +1,9 @@
-//! Memory of the page over the course of trials.
+//! Memory of the page as the number of trials grows.
 
 use serde_json::{Value, json};
 use sidestep_tests::{Browser, Server};
 
-/// Makes the page count its uploads, and expose the memory of its program.
+/// Makes the page count its uploads, and expose the memory of its WebAssembly program.
 const BEFORE: &str = "window.count = 0; \
     const send = window.fetch; window.fetch = (request) => { \
         if (request.method === 'PUT' && request.url.includes('/trials/')) window.count += 1; \
@@ -17,7 +17,7 @@ const BEFORE: &str = "window.count = 0; \
 /// Numbers of trials after which memory is measured.
 const AFTER: [usize; 7] = [1, 10, 20, 30, 40, 50, 59];
 
-/// A simulated participant drives the paper's whole protocol.
+/// Measures the memory while a simulated participant drives the paper's whole protocol.
 pub(crate) async fn measured() -> Value {
     let server = Server::with_client("slug = \"default\"").await;
     let browser = Browser::start().await;

@@ -1,4 +1,4 @@
-//! Times at which steps are computed and frames shown during scenes.
+//! Times at which steps are computed and frames are shown during scenes.
 
 use crate::figures::{distribution, quantile};
 use serde_json::{Value, json};
@@ -8,12 +8,12 @@ use sidestep_tests::participant::begin;
 use sidestep_tests::{Browser, Server, Tab};
 use std::time::Duration;
 
-/// Load on the computer.
+/// Load on the computer during a measurement.
 pub(crate) struct Case {
     pub(crate) name: &'static str,
-    /// Extra work in each frame, ms.
+    /// Extra work in each frame (ms).
     work_ms: f64,
-    /// Slowdown factor of the page's programs.
+    /// Factor by which the page's programs are slowed down.
     slower: f64,
 }
 
@@ -24,10 +24,10 @@ pub(crate) const CASES: [Case; 4] = [
     Case { name: "a processor 6 times as slow", work_ms: 0.0, slower: 6.0 },
 ];
 
-/// Scenes of each case.
+/// Number of scenes of each case.
 const SCENES: usize = 8;
 
-/// A short protocol that omits everything not measured here.
+/// A short protocol that omits everything that is not measured here.
 pub(crate) const STUDY: &str = r#"
 slug = "default"
 phases = [{ phase = "task", scenes = 8 }]
@@ -39,7 +39,7 @@ rest_after = 0
 standard = false
 "#;
 
-/// Makes the page record its uploads, and do work in each frame for `burden_ms`.
+/// Makes the page record its uploads, and work for `burden_ms` in each frame.
 pub(crate) const BEFORE: &str = "window.burden_ms = 0; window.sent = []; \
     const send = window.fetch; window.fetch = (request) => { \
         if (request.method === 'PUT' && request.url.includes('/trials/')) \
@@ -50,7 +50,7 @@ pub(crate) const BEFORE: &str = "window.burden_ms = 0; window.sent = []; \
         requestAnimationFrame(work) }; \
     requestAnimationFrame(work);";
 
-/// Drives scenes. The page is not queried while they are driven.
+/// Drives scenes and measures their times. The page is not queried while the scenes run.
 pub(crate) async fn measured(case: &Case) -> Value {
     let server = Server::with_client(STUDY).await;
     let browser = Browser::start().await;
@@ -61,7 +61,7 @@ pub(crate) async fn measured(case: &Case) -> Value {
     tab.slow_down(case.slower).await;
     for _ in 0..SCENES {
         tab.press("start").await;
-        // 1 s of countdown.
+        // This includes 1 s of countdown.
         tokio::time::sleep(Duration::from_millis(3000)).await;
         for key in ["ArrowLeft", "ArrowRight"] {
             tab.key_down(key).await;
@@ -84,7 +84,7 @@ pub(crate) async fn sent(tab: &Tab) -> Vec<TrialUpload> {
     texts.iter().map(|text| serde_json::from_str(text).expect("a trial")).collect()
 }
 
-/// Number of stored trials with the flag of a late sample.
+/// Number of stored trials with the flag `LateSample`.
 async fn flagged(server: &Server) -> usize {
     let page: TrialPage = server.admin(&routes::admin_trials("default")).await.into(200);
     let mut flagged = 0;
@@ -98,7 +98,7 @@ async fn flagged(server: &Server) -> usize {
 }
 
 fn figures(case: &Case, trials: &[TrialUpload], flagged: usize) -> Value {
-    // The document with the measurements states these numbers.
+    // The document that reports the measurements states these numbers.
     assert!(trials.len() == SCENES && trials.iter().all(|trial| trial.inputs.len() == 50));
     let late = |trial: &TrialUpload| -> Vec<f64> {
         let due = (0..).map(|step| 200.0 * f64::from(step));

@@ -1,10 +1,10 @@
-//! Throughput of servers of other sizes: a simulation of queues, for machines that are not
-//! available.
+//! Capacity of sites of other sizes: a queueing simulation of machines that are not available.
 //!
-//! Operations arrive at random (Poisson). Each first occupies a core of a server, then waits for a
-//! writer. A free writer takes the waiting operations, up to a batch, works for each on a core of
-//! the database, waits for the disk, and answers them all. Service times were measured on one
-//! machine; they are constant here, so the tails are those of waiting alone.
+//! Operations arrive as a Poisson process. Each operation first occupies a core of a server and
+//! then waits for a writer. A free writer takes the waiting operations, up to a batch. It processes
+//! the batch on a core of the database, waits for the disk, and answers all operations. Service
+//! times were measured on one machine. They are constant in the simulation, so the tails of the
+//! latencies come from queueing alone.
 
 use super::figures::Latencies;
 use sidestep::math::SeededRng;
@@ -13,26 +13,26 @@ use std::time::Duration;
 /// Cost of an operation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Work {
-    /// CPU time on a server, ms.
+    /// CPU time on a server (ms).
     pub server_ms: f64,
-    /// CPU time in the database, ms.
+    /// CPU time in the database (ms).
     pub database_ms: f64,
 }
 
 /// Servers and a database.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Site {
-    /// Cores of all servers.
+    /// Number of cores of all servers together.
     pub server_cores: usize,
-    /// Concurrent transactions.
+    /// Number of concurrent transactions.
     pub writers: usize,
-    /// Largest number of operations per transaction.
+    /// Maximum number of operations per transaction.
     pub batch: usize,
-    /// Cores of the database.
+    /// Number of cores of the database.
     pub database_cores: usize,
-    /// CPU time of a transaction in the database besides its operations, ms.
+    /// CPU time of a transaction in the database without its operations (ms).
     pub transaction_ms: f64,
-    /// Wait of a transaction for the disk, ms.
+    /// Time that a transaction waits for the disk (ms).
     pub commit_ms: f64,
 }
 
@@ -42,14 +42,14 @@ pub struct Shown {
     /// Latencies of all operations, from arrival to answer.
     pub latencies: Latencies,
     /// Utilization of the servers' cores, the database's cores and the writers. Above 1, the queue
-    /// grows.
+    /// grows without bound.
     pub busy: [f64; 3],
 }
 
-/// Names of the kinds of work.
+/// Names of the stages of work.
 pub const STAGES: [&str; 2] = ["work of the servers", "work of the database"];
 
-/// Cores, or writers: the time at which each becomes free, s.
+/// The times at which each of several cores or writers becomes free (s).
 struct Free(Vec<f64>);
 
 impl Free {
@@ -57,12 +57,12 @@ impl Free {
         Self(vec![0.0; count.max(1)])
     }
 
-    /// The earliest of these times, s.
+    /// The earliest time at which one of them is free (s).
     fn at_s(&self) -> f64 {
         self.0.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
-    /// Occupies the first free one until this time.
+    /// Occupies the one that is free first until this time (s).
     fn hold(&mut self, until_s: f64) {
         if let Some(first) = self.0.iter_mut().min_by(|a, b| a.total_cmp(b)) {
             *first = until_s;
@@ -71,11 +71,12 @@ impl Free {
 }
 
 impl Site {
-    /// Simulates each kind of operation arriving at this rate per second (> 0), for this time.
+    /// Simulates arrivals of each kind of operation at its rate per second (> 0), for this number
+    /// of seconds.
     #[must_use]
     pub fn simulate(&self, kinds: &[(f64, Work)], seconds: f64, seed: u64) -> Shown {
         let mut rng = SeededRng::new(seed);
-        // Arrival, work.
+        // Arrival time (s) and work of each operation.
         let mut arrivals: Vec<(f64, Work)> = Vec::new();
         for &(per_s, work) in kinds {
             let mut next_s = || -(1.0 - rng.unit()).ln() / per_s;
@@ -89,7 +90,8 @@ impl Site {
 
         let mut busy_s = [0.0; 3];
         let mut cores = Free::new(self.server_cores);
-        // Time when it leaves the server, s; arrival, s; work in the database, s.
+        // Time at which the operation leaves the server (s), its arrival time (s), and its work in
+        // the database (s).
         let mut ready: Vec<(f64, f64, f64)> = Vec::with_capacity(arrivals.len());
         for (arrived_s, work) in arrivals {
             let ends_s = arrived_s.max(cores.at_s()) + work.server_ms / 1e3;
@@ -131,7 +133,7 @@ mod tests {
 
     const NOTHING: Work = Work { server_ms: 0.0, database_ms: 0.0 };
 
-    /// A site where only the servers take time.
+    /// A site where only the work of the servers takes time.
     fn servers(server_cores: usize) -> Site {
         Site {
             server_cores,
@@ -153,7 +155,7 @@ mod tests {
         let work = Work { server_ms: 1.0, ..NOTHING };
         for busy in [0.3, 0.6, 0.8] {
             let shown = servers(1).simulate(&[(1e3 * busy, work)], 400.0, 7);
-            // M/D/1: the mean wait is ρ/(2(1 − ρ)) service times.
+            // For M/D/1, the mean wait is ρ/(2(1 − ρ)) service times.
             let expected_ms = 1.0 + busy / (2.0 * (1.0 - busy));
             let found_ms = mean_ms(&shown.latencies);
             assert!((found_ms / expected_ms - 1.0).abs() < 0.03, "{found_ms} for {expected_ms}");
@@ -179,7 +181,7 @@ mod tests {
         let together = Site { batch: 64, ..alone };
         assert!(alone.simulate(&[(per_s, work)], 10.0, 1).busy[2] > 3.0, "it piles up");
         let shown = together.simulate(&[(per_s, work)], 10.0, 1);
-        // No operation waits for more than the current batch and its own.
+        // An operation waits for at most the current batch and its own batch.
         assert!(shown.latencies.quantile_ms(1.0) < 2.0 * (2.0 + 64.0 * 0.01));
     }
 

@@ -1,4 +1,4 @@
-//! Participants at work: enrolling and uploading, at full speed or by the clock.
+//! Participants who enrol and upload, at full speed or at a fixed rate.
 
 use super::figures::Latencies;
 use super::http::Connection;
@@ -15,40 +15,41 @@ use tokio::sync::Notify;
 use tokio::task::JoinSet;
 use tokio::time::{sleep, sleep_until};
 
-/// All participants, and the servers' responses to them. All run in one thread, on a `LocalSet`.
+/// All participants, and the servers' responses to them. All tasks run in one thread, on a
+/// `LocalSet`.
 #[derive(Debug, Default)]
 pub struct Crowd {
-    /// The servers of the study; connections use them in turn.
+    /// The servers of the study. Successive connections go to successive servers.
     servers: RefCell<Vec<SocketAddr>>,
     turn: Cell<usize>,
-    /// People with trials left to drive.
+    /// People who have trials left to drive.
     waiting: RefCell<VecDeque<Person>>,
-    /// People with no trials left, or who have withdrawn.
+    /// People who have no trials left, or have withdrawn.
     done: RefCell<Vec<Person>>,
     /// Latencies of uploads.
     latencies: RefCell<Latencies>,
-    /// Latencies of everything else.
+    /// Latencies of all other requests.
     others: RefCell<Latencies>,
     enrolled: Cell<usize>,
     acknowledged: Cell<usize>,
-    /// Notifies waiters of new acknowledgements.
+    /// Notifies waiting tasks of new acknowledgements.
     progress: Notify,
     /// Number of 503 responses.
     refused: Cell<usize>,
-    /// Unexplained responses and disconnections, in words.
+    /// Descriptions of unexpected responses and disconnections.
     problems: RefCell<Vec<String>>,
-    /// Whether connections may break, because a server is going to be killed.
+    /// Whether connections may break because a server will be killed.
     pub mortal: Cell<bool>,
     /// No new work starts after this time.
     end: Cell<Option<Instant>>,
 }
 
-/// When uploads are due.
+/// Rule that determines when uploads are due.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pace {
-    /// As soon as the previous one on the connection was acknowledged.
+    /// Each upload is due as soon as the previous upload on the connection is acknowledged.
     Fast,
-    /// This number per second, whatever happens to earlier ones.
+    /// This number of uploads is due per second, regardless of earlier uploads.
     PerSecond(f64),
 }
 
@@ -64,7 +65,7 @@ impl Crowd {
     /// Uses these servers from now on.
     ///
     /// # Panics
-    /// If one has no address on this machine.
+    /// If the address of a server is not an IP address with a port.
     pub fn serve_from(&self, servers: &[&Address]) {
         let address = |server: &&Address| {
             let text = server.origin.trim_start_matches("http://");
@@ -73,7 +74,8 @@ impl Crowd {
         self.servers.replace(servers.iter().map(address).collect());
     }
 
-    /// Lets `count` people enrol, or fewer if time runs out. Returns their number, and the time, s.
+    /// Enrols `count` people, or fewer if time runs out. Returns the number of people enrolled and
+    /// the time taken (s).
     pub async fn enrol(
         self: &Rc<Self>,
         count: usize,
@@ -97,13 +99,13 @@ impl Crowd {
         (self.enrolled.get() - before, took_s)
     }
 
-    /// Prepares all bodies that waiting people will send.
+    /// Prepares the request bodies of all waiting people.
     pub fn prepare(&self) {
         self.waiting.borrow_mut().iter_mut().for_each(Person::prepare);
     }
 
     /// Lets participants upload over this number of connections until time or participants run out.
-    /// Returns the number of acknowledged uploads and the time, s.
+    /// Returns the number of acknowledged uploads and the time taken (s).
     pub async fn upload(
         self: &Rc<Self>,
         connections: usize,
@@ -111,7 +113,7 @@ impl Crowd {
         pace: Pace,
     ) -> (usize, f64) {
         let before = self.acknowledged.get();
-        // A participant drives one trial after another.
+        // Each participant drives one trial at a time, so more connections would be idle.
         let connections = connections.min(self.waiting());
         let (begin, ticket) = (Instant::now(), Rc::new(Cell::new(0)));
         let took_s = self.together(connections, limit_s, |crowd| {
@@ -129,8 +131,9 @@ impl Crowd {
         (self.acknowledged.get() - before, took_s)
     }
 
-    /// Lets `count` people enrol at once, each on their own connection, while others upload `per_s`
-    /// trials per second by the clock. Returns the number enrolled, and the time, s.
+    /// Lets `count` people enrol at once, each on their own connection. Meanwhile others upload
+    /// `per_s` trials per second at a fixed rate. Returns the number of people enrolled and the
+    /// time taken (s).
     pub async fn class(self: &Rc<Self>, count: usize, per_s: usize, limit_s: f64) -> (usize, f64) {
         let stop = Rc::new(Cell::new(false));
         let mut beside = JoinSet::new();
@@ -146,7 +149,7 @@ impl Crowd {
                 }
             });
         }
-        // Uploads are in progress when the class arrives.
+        // Wait until uploads are in progress before the class arrives.
         self.until_acknowledged(self.acknowledged() + per_s).await;
         let before = self.enrolled.get();
         let took_s = self.together(count, limit_s, |crowd| async move {
@@ -160,25 +163,25 @@ impl Crowd {
         (self.enrolled.get() - before, took_s)
     }
 
-    /// Latencies of uploads since the last call.
+    /// Latencies of uploads since the last call of this function.
     pub fn take_latencies(&self) -> Latencies {
         self.latencies.take()
     }
 
-    /// Latencies of all other requests since the last call.
+    /// Latencies of all other requests since the last call of this function.
     pub fn take_others(&self) -> Latencies {
         self.others.take()
     }
 
-    /// The numbers of deferred and of failed requests since the last call, with the message of one
-    /// failure.
+    /// The number of 503 responses and of problems since the last call of this function, with the
+    /// first problem as an example.
     pub fn troubles(&self) -> String {
         let problems = self.problems.take();
         let example = problems.first().map(|text| format!(": {text}")).unwrap_or_default();
         format!("{}, {}{example}", self.refused.take(), problems.len())
     }
 
-    /// Unexplained problems, in words.
+    /// Descriptions of unexpected responses and disconnections.
     #[must_use]
     pub fn problems(&self) -> Vec<String> {
         self.problems.borrow().clone()
@@ -196,7 +199,7 @@ impl Crowd {
         self.acknowledged.get()
     }
 
-    /// Waits until this number of trials has been acknowledged, or no one drives any more.
+    /// Waits until this number of trials has been acknowledged, or time is over.
     pub async fn until_acknowledged(&self, count: usize) {
         while self.acknowledged.get() < count && !self.is_over() {
             self.progress.notified().await;
@@ -214,13 +217,14 @@ impl Crowd {
             let servers = self.servers.borrow();
             servers[turn % servers.len()]
         };
-        // A crowd has many addresses; all of 127.0.0.0/8 belong to this machine.
+        // Connections come from different addresses, like those of a real crowd. All addresses in
+        // 127.0.0.0/8 belong to this machine.
         let [fourth, third, ..] = turn.to_le_bytes();
         Connection::open(server, Some([127, 0, third, fourth.max(1)].into())).await
     }
 
-    /// Runs `count` tasks until they end or, shortly after the limit, cancels them. Returns the
-    /// time taken, s.
+    /// Runs `count` tasks until all have ended. They start no new work after the limit. Returns the
+    /// time taken (s).
     async fn together<F: Future<Output = io::Result<()>> + 'static>(
         self: &Rc<Self>,
         count: usize,
@@ -247,30 +251,30 @@ impl Crowd {
         self.is_over_at(Instant::now())
     }
 
-    /// Whether time is over at this instant.
+    /// Whether this instant is at or after the end.
     pub(super) fn is_over_at(&self, then: Instant) -> bool {
         self.end.get().is_some_and(|end| then >= end)
     }
 
-    /// No new work starts after this time.
+    /// Sets the time after which no new work starts.
     pub(super) fn ends_at(&self, end: Instant) {
         self.end.set(Some(end));
     }
 
-    /// Starts no new work.
+    /// Lets no new work start from now on.
     pub fn stop(&self) {
         self.ends_at(Instant::now());
         self.progress.notify_waiters();
     }
 
-    /// Records why a connection broke, unless a server was going to be killed.
+    /// Records why a connection broke. Broken connections are expected if a server will be killed.
     pub(super) fn broken(&self, error: &io::Error) {
         if !self.mortal.get() || error.kind() == ErrorKind::Other {
             self.problem(error.to_string());
         }
     }
 
-    /// Enrols one person, and retries while the server says that it is busy. False if it refused,
+    /// Enrols one person, and retries while the server is busy. Returns false if the server refused
     /// or time ran out.
     async fn enrol_one(&self, connection: &mut Connection) -> io::Result<bool> {
         let person = self.enrolled_at(connection, Instant::now()).await?;
@@ -279,7 +283,8 @@ impl Crowd {
         Ok(is_in)
     }
 
-    /// A person who enrolled at `due`.
+    /// Enrols a person whose enrolment was due at `due`. Returns `None` if the server refused or
+    /// time ran out.
     pub(super) async fn enrolled_at(
         &self,
         connection: &mut Connection,
@@ -304,8 +309,7 @@ impl Crowd {
         }
     }
 
-    /// Takes one waiting participant after another and uploads all their trials, each when it is
-    /// due.
+    /// Takes one waiting participant after another and uploads all their trials when they are due.
     async fn drive_on(
         &self,
         connection: &mut Connection,
@@ -326,11 +330,11 @@ impl Crowd {
         Ok(())
     }
 
-    /// Uploads a trial each second, the first at `first`. A late answer delays the next upload,
-    /// which counts towards its latency.
+    /// Uploads a trial each second, the first at `first`. A late answer delays the next upload, and
+    /// the delay counts towards the latency of that upload.
     async fn drive_by_the_clock(&self, first: Instant, stop: &Cell<bool>) -> io::Result<()> {
         let mut connection = self.connect().await?;
-        // One of those who enrolled last, and have all their trials left.
+        // Take a person who enrolled recently and has all trials left.
         let Some(mut person) = self.waiting.borrow_mut().pop_back() else {
             return Err(io::Error::other("nobody is left to drive"));
         };
@@ -344,8 +348,8 @@ impl Crowd {
         end
     }
 
-    /// Uploads the participant's next trial until it is acknowledged, and records the time since it
-    /// was due.
+    /// Uploads the participant's next trial until it is acknowledged, and records the latency since
+    /// `due`.
     pub(super) async fn drive_one(
         &self,
         connection: &mut Connection,
@@ -376,7 +380,7 @@ impl Crowd {
         loop {
             let answer = connection.send("PUT", &route, Some(token), body).await?;
             match answer.status {
-                // 200: it was stored before, but the response was lost.
+                // 200 means that the trial was already stored, but the earlier response was lost.
                 200 | 201 => return Ok(()),
                 503 if !self.is_over() => self.put_off(answer.retry_after_s).await,
                 status => {
@@ -392,7 +396,8 @@ impl Crowd {
         self.others.borrow_mut().note(due.elapsed());
     }
 
-    /// The next person to drive; `None` when time is over or no one is left, which ends it for all.
+    /// Removes the next person who has trials left to drive. Returns `None` if time is over. If
+    /// nobody is left, also ends the time for all connections.
     fn next(&self) -> Option<Person> {
         if self.is_over() {
             return None;
@@ -412,7 +417,7 @@ impl Crowd {
         }
     }
 
-    /// Waits as long as the server asked.
+    /// Waits for as long as the server asked.
     async fn put_off(&self, retry_after_s: Option<u64>) {
         self.refused.set(self.refused.get() + 1);
         sleep(Duration::from_secs(retry_after_s.unwrap_or(1))).await;

@@ -1,34 +1,34 @@
-//! Measurements, and how they are printed.
+//! Measurements, and printing of measurements.
 
 use hdrhistogram::Histogram;
 use std::fmt::{Display, Formatter, Result};
 use std::time::Duration;
 
-/// Prints a row of the table: name, value, and remark.
+/// Prints a row of the table: name, value and remark.
 #[allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
 pub fn row(name: &str, figure: impl Display, said: impl Display) {
     println!("{name:36} {:>22}   {said}", figure.to_string());
 }
 
-/// Compares a value with its lower target.
+/// Describes whether a value meets its lower bound.
 #[must_use]
 pub fn at_least(figure: f64, target: f64, unit: &str) -> String {
     format!("≥ {target}{unit} {}", if figure >= target { "met" } else { "MISSED" })
 }
 
-/// Compares a value with its upper target.
+/// Describes whether a value meets its upper bound.
 #[must_use]
 pub fn at_most(figure: f64, target: f64, unit: &str) -> String {
     format!("≤ {target}{unit} {}", if figure <= target { "met" } else { "MISSED" })
 }
 
-/// Latencies of requests, each from when it was due: a server that stalls delays all requests that
-/// become due meanwhile, not only the one it is processing.
+/// Latencies of requests, each measured from the time when the request was due. A stall of a server
+/// thus delays all requests that become due during the stall, not only the request in progress.
 #[derive(Debug)]
 pub struct Latencies {
-    /// µs, to three significant digits.
+    /// In µs, with three significant digits.
     answered: Histogram<u64>,
-    /// Requests that were refused, which count as never answered.
+    /// Number of refused requests. Their latency counts as infinite.
     refused: u64,
 }
 
@@ -40,16 +40,16 @@ impl Default for Latencies {
 }
 
 impl Latencies {
-    /// Records an answer.
+    /// Records the latency of an answered request.
     ///
     /// # Panics
-    /// If the duration has too many digits for an integer.
+    /// If the histogram cannot store the latency.
     pub fn note(&mut self, took: Duration) {
         let us = u64::try_from(took.as_micros()).unwrap_or(u64::MAX).max(1);
         self.answered.record(us).expect("a histogram that grows");
     }
 
-    /// Records a refusal.
+    /// Records a refused request.
     pub fn refuse(&mut self) {
         self.refused += 1;
     }
@@ -60,7 +60,8 @@ impl Latencies {
         self.answered.len() + self.refused
     }
 
-    /// The latency at this quantile, ms; infinite without requests.
+    /// The quantile `share` of the latencies (ms). Infinite if there are no requests, or if the
+    /// quantile falls on a refused request.
     #[must_use]
     pub fn quantile_ms(&self, share: f64) -> f64 {
         let count = self.count();
@@ -80,24 +81,24 @@ impl Display for Latencies {
     }
 }
 
-/// Resources used by a process, from Linux; unknown elsewhere.
+/// Resources used by a process, as reported by Linux; NaN on other systems.
 #[derive(Clone, Copy, Debug)]
 pub struct Usage {
-    /// CPU time of all its threads, s.
+    /// CPU time of all threads (s).
     pub cpu_s: f64,
-    /// Memory now and at its peak, MB.
+    /// Current and peak memory (MB).
     pub memory_mb: [f64; 2],
 }
 
 impl Usage {
-    /// Usage of a process, by its id.
+    /// Resources used by the process with this id.
     #[must_use]
     pub fn of(process: u32) -> Self {
-        /// Unit of process times; Linux always uses this one.
+        /// Unit of CPU times in `/proc`. Linux always uses this value.
         const TICKS_PER_S: f64 = 100.0;
         let read = |name| std::fs::read_to_string(format!("/proc/{process}/{name}"));
         let (stat, status) = (read("stat").unwrap_or_default(), read("status").unwrap_or_default());
-        // The name of the program, in parentheses, may contain spaces.
+        // The program's name, in parentheses, may contain spaces.
         let fields = stat.rsplit_once(')').map_or("", |(_, fields)| fields).split_whitespace();
         let ticks: Vec<f64> = fields.skip(11).take(2).flat_map(str::parse).collect();
         let kilobytes = |field: &str| {

@@ -1,4 +1,4 @@
-//! HTTP/1.1 on a persistent connection, with minimal overhead.
+//! A minimal HTTP/1.1 client on a persistent connection.
 
 use std::io::{Error, ErrorKind, Result, Write};
 
@@ -10,7 +10,7 @@ use tokio::net::{TcpSocket, TcpStream};
 #[derive(Debug)]
 pub struct Connection {
     stream: TcpStream,
-    /// Buffers for the request and its response.
+    /// Buffers, reused for every request and response.
     request: Vec<u8>,
     answer: Vec<u8>,
 }
@@ -20,18 +20,18 @@ pub struct Connection {
 pub struct Answer<'a> {
     /// Status.
     pub status: u16,
-    /// `Retry-After`, s.
+    /// `Retry-After` (s).
     pub retry_after_s: Option<u64>,
-    /// Body; empty for a chunked response.
+    /// The body, which is left empty for a chunked response.
     pub body: &'a [u8],
 }
 
 impl Connection {
-    /// Connects to a server on this machine from one of the machine's own addresses, by default
-    /// 127.0.0.1: a crowd has many addresses.
+    /// Connects to a server on this machine. The source address, by default 127.0.0.1, can be any
+    /// of the machine's addresses, so that a crowd has many addresses.
     ///
     /// # Errors
-    /// If the server does not accept.
+    /// If the server does not accept the connection.
     pub async fn open(server: SocketAddr, from: Option<Ipv4Addr>) -> Result<Self> {
         let socket = TcpSocket::new_v4()?;
         if let Some(from) = from {
@@ -45,7 +45,7 @@ impl Connection {
     /// Sends a request and closes the connection without waiting for the response.
     ///
     /// # Errors
-    /// If the server has closed it before.
+    /// If the server has already closed the connection.
     pub async fn vanish(
         mut self,
         method: &str,
@@ -123,18 +123,18 @@ impl Connection {
     }
 }
 
-/// The end of a response's head and the range of its body, once all of it has arrived.
+/// Once the response is complete, returns the end of its head and the range of its body.
 fn whole(answer: &[u8]) -> Result<Option<(usize, (usize, usize))>> {
     let Some(head) = answer.windows(4).position(|four| four == b"\r\n\r\n") else {
         return Ok(None);
     };
     let text = std::str::from_utf8(&answer[..head]).map_err(Error::other)?;
     if header(text, "transfer-encoding").is_some() {
-        // The last chunk is empty.
+        // A chunked body ends with an empty chunk.
         let is_whole = answer.ends_with(b"0\r\n\r\n");
         return Ok(is_whole.then_some((head, (answer.len(), answer.len()))));
     }
-    // 204 has no body.
+    // A 204 response has no body.
     if text.split(' ').nth(1) == Some("204") {
         return Ok(Some((head, (head + 4, head + 4))));
     }

@@ -8,25 +8,26 @@ use sidestep::math::SeededRng;
 use std::rc::Rc;
 use std::time::Instant;
 
-/// Timeout for the uploads between two kills, s.
+/// Timeout for the uploads between two kills (s).
 const PATIENCE_S: f64 = 60.0;
 
-/// Number and times of kills.
+/// Number of kills and their times.
 #[derive(Clone, Copy, Debug)]
 pub struct Kills {
     /// Number of kills.
     pub count: u32,
-    /// Largest number of acknowledged uploads between a start and the next kill.
+    /// Upper bound on the number of acknowledged uploads between a start and the next kill.
     pub most_between: usize,
-    /// Connections that upload.
+    /// Number of connections that upload.
     pub connections: usize,
-    /// Seed of the random choices: the numbers of uploads between kills, and the server killed.
+    /// Seed of the random choices: the number of uploads before each kill, and which server is
+    /// killed.
     pub seed: u64,
 }
 
 /// Starts a server in each of the folders, all on one database, and repeatedly kills one of them
-/// (SIGKILL) during uploads, while the others continue. Returns how long each start took until the
-/// server was ready. At the end all are killed.
+/// (SIGKILL) during uploads, while the others continue. Returns how long each server took to become
+/// ready. At the end all servers are killed.
 ///
 /// # Panics
 /// If a server does not start.

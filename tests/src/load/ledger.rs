@@ -1,4 +1,5 @@
-//! Checks the promises to a crowd: every acknowledged trial is stored once, bit for bit.
+//! Checks the server's promise to a crowd: every acknowledged trial is stored exactly once, bit for
+//! bit.
 
 use super::person::Person;
 use crate::Database;
@@ -9,17 +10,18 @@ use std::collections::{HashMap, HashSet};
 /// Result of a comparison with the database.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Comparison {
-    /// Acknowledged trials of people whose data should not be deleted.
+    /// Number of acknowledged trials, without those of people who asked for deletion.
     pub acknowledged: usize,
-    /// Acknowledged but missing.
+    /// Number of trials that were acknowledged but are not stored.
     pub lost: usize,
-    /// Acknowledged but stored with another content.
+    /// Number of acknowledged trials that are stored with different content.
     pub different: usize,
-    /// Stored twice.
+    /// Number of trials that are stored more than once.
     pub twice: usize,
-    /// Stored although their deletion was acknowledged.
+    /// Number of trials that are stored although their deletion was acknowledged.
     pub undeleted: usize,
-    /// Stored without an acknowledgement: the server was killed, or the person gone, before it.
+    /// Number of trials that are stored but were not acknowledged, because the server was killed or
+    /// the person had left before the answer.
     pub unacknowledged: usize,
 }
 
@@ -31,7 +33,8 @@ impl Comparison {
     }
 }
 
-/// The columns of a trial that come from its upload; as text, they are the same in every database.
+/// The columns of a trial that come from its upload. Their texts are equal in SQLite and
+/// PostgreSQL.
 const QUERY: &str = "SELECT trial.trial_id, scene.participant_id, trial.started_at_ms, trial.inputs, \
                      trial.states, trial.sampled_at_ms, trial.key_events, trial.display \
                      FROM trial JOIN scene ON scene.trial_id = trial.trial_id \
@@ -58,7 +61,8 @@ pub async fn compare(people: &[Person], database: &Database) -> Comparison {
         if gone.contains(row[1]) {
             found.undeleted += 1;
         }
-        // No other person's trial began at the same instant.
+        // The start time identifies a trial, because no two trials of the crowd start at the same
+        // time.
         let times = seen.entry(row[2].to_owned()).or_default();
         *times += 1;
         found.twice += usize::from(*times == 2);
@@ -74,7 +78,7 @@ pub async fn compare(people: &[Person], database: &Database) -> Comparison {
     found
 }
 
-/// Whether a row contains what was sent.
+/// Whether a row contains what the person sent.
 fn is_as_sent(row: &[&str], sent: &TrialUpload) -> bool {
     let json = |value| serde_json::to_string(value).expect("JSON");
     let key_events = serde_json::to_string(&sent.key_events).expect("JSON");

@@ -1,5 +1,5 @@
-//! People at their own pace: each joins, uploads a trial when it is due, and sometimes reloads the
-//! page, sends a trial again, vanishes before the response, or withdraws.
+//! People at their own pace. Each joins and uploads trials when they are due. Sometimes a person
+//! reloads the page, sends a trial again, vanishes before the response, or withdraws.
 
 use super::Crowd;
 use super::http::Connection;
@@ -15,15 +15,17 @@ use tokio::time::sleep_until;
 /// Behaviour of people.
 #[derive(Clone, Copy, Debug)]
 pub struct Habits {
-    /// Time between two trials of a person, s.
+    /// Time between two trials of a person (s).
     pub period_s: f64,
-    /// Trials per 1,000 before which the person reloads the page.
+    /// How many of 1,000 trials are preceded by a reload of the page.
     pub reloads: usize,
-    /// Trials per 1,000 that the person sends a second time.
+    /// How many of 1,000 trials are preceded by a second upload of the previous trial.
     pub repeats: usize,
-    /// Trials per 1,000 for which the person vanishes before the response and retries later.
+    /// For how many of 1,000 trials the person closes the connection before the response and
+    /// uploads the trial again.
     pub vanishes: usize,
-    /// Trials per 1,000 after which the person withdraws; half of the time, the data are deleted.
+    /// How many of 1,000 trials are replaced by a withdrawal. Half of the withdrawals ask for
+    /// deletion of the data.
     pub withdrawals: usize,
     /// Seed of all random choices.
     pub seed: u64,
@@ -35,7 +37,7 @@ impl Default for Habits {
     }
 }
 
-/// A person's action for a trial.
+/// A person's action when a trial is due.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Act {
     Drive,
@@ -64,8 +66,8 @@ impl Habits {
 }
 
 impl Crowd {
-    /// Lets `people` join, evenly over `join_s`, and take part until `end_s` after the start.
-    /// Everything is due by the clock: a late response does not delay anything else.
+    /// Lets `people` join, evenly distributed over `join_s`, and take part until `end_s` after the
+    /// start. Every action is due at a fixed time, whether or not earlier responses are late.
     pub async fn take_part(
         self: &Rc<Self>,
         people: usize,
@@ -109,7 +111,7 @@ impl Crowd {
             let act = habits.draw(&mut rng);
             end = self.act(&mut connection, &mut person, due, act).await;
             if end.as_ref().is_err_and(|error| error.kind() != ErrorKind::Other) {
-                // The server closes idle connections, and browsers open new ones.
+                // The server closes idle connections, and a browser would open a new one.
                 connection = self.connect().await?;
                 end = self.act(&mut connection, &mut person, due, act).await;
             }
@@ -148,8 +150,8 @@ impl Crowd {
         self.drive_one(connection, person, due).await
     }
 
-    /// The page requests its participant's progress, and the person has driven what was
-    /// acknowledged.
+    /// Requests the participant's progress, as a reload does, and checks that it lists exactly the
+    /// acknowledged trials.
     async fn reload(
         &self,
         connection: &mut Connection,

@@ -1,4 +1,4 @@
-//! A participant, and their trials.
+//! A participant and the trials that the participant drives.
 
 use crate::upload;
 use sidestep::api::{Enrolled, TrialUpload};
@@ -10,28 +10,29 @@ use std::collections::VecDeque;
 /// A withdrawal, and whether the server acknowledged it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Withdrawal {
-    /// Whether the data were to be deleted.
+    /// Whether the person asked for deletion of the data.
     pub delete: bool,
-    /// Whether the server acknowledged it.
+    /// Whether the server acknowledged the withdrawal.
     pub acknowledged: bool,
 }
 
 /// A participant.
 #[derive(Debug)]
 pub struct Person {
-    /// Their id.
+    /// The participant's id.
     pub id: String,
-    /// Their token.
+    /// The participant's token.
     pub token: String,
-    /// Index among all people, from 0: their trials differ from those of all others.
+    /// Index among all people, from 0. It makes the person's trials different from all other
+    /// people's trials.
     pub number: usize,
-    /// The plan: trial and scene.
+    /// The plan: the id and the scene of each trial.
     plan: Vec<(String, Scene)>,
-    /// Bodies of the next trials, prepared in advance.
+    /// Bodies of the next trials, if they were prepared.
     prepared: VecDeque<Vec<u8>>,
     /// Number of acknowledged trials.
     acknowledged: usize,
-    /// Their withdrawal, if any.
+    /// The withdrawal, if the person has withdrawn.
     pub withdrawal: Option<Withdrawal>,
 }
 
@@ -46,20 +47,20 @@ impl Person {
         Self { id, token, number, plan, prepared, acknowledged: 0, withdrawal: None }
     }
 
-    /// The id of the next trial; `None` after the last.
+    /// The id of the next trial. `None` if all trials are acknowledged.
     #[must_use]
     pub fn next(&self) -> Option<&str> {
         self.plan.get(self.acknowledged).map(|(trial_id, _)| trial_id.as_str())
     }
 
-    /// The trial that the server acknowledged last, and its body.
+    /// The last acknowledged trial: its id and its body.
     #[must_use]
     pub fn last(&self) -> Option<(&str, Vec<u8>)> {
         let place = self.acknowledged.checked_sub(1)?;
         Some((&self.plan[place].0, self.body(place)))
     }
 
-    /// Prepares the bodies of all remaining trials, so that only sending is left.
+    /// Prepares the bodies of all remaining trials, so that an upload only has to send one.
     pub fn prepare(&mut self) {
         let first = self.acknowledged + self.prepared.len();
         for place in first..self.plan.len() {
@@ -68,7 +69,7 @@ impl Person {
         }
     }
 
-    /// The body of the next trial; `None` after the last.
+    /// The body of the next trial. `None` if all trials are acknowledged.
     #[must_use]
     pub fn next_body(&self) -> Option<Cow<'_, [u8]>> {
         self.next()?;
@@ -88,8 +89,9 @@ impl Person {
         self.acknowledged
     }
 
-    /// The same person with fewer trials acknowledged, and with the deletion of their data
-    /// acknowledged or not, if they had requested it.
+    /// The same person at an earlier time, when this number of trials was acknowledged. `deletion`
+    /// is `None` if the person had not asked for deletion by then; otherwise it states whether the
+    /// deletion was acknowledged.
     #[must_use]
     pub fn as_of(&self, acknowledged: usize, deletion: Option<bool>) -> Self {
         let withdrawal = deletion.map(|acknowledged| Withdrawal { delete: true, acknowledged });
@@ -107,8 +109,8 @@ impl Person {
         serde_json::to_vec(&self.trial(place)).expect("a trial as JSON")
     }
 
-    /// The trial at an index of the plan. It is unique: its start and the time of the key press
-    /// identify the driver.
+    /// The trial at index `place` of the plan. It is unique, because its start time and its key
+    /// events identify the person and the trial.
     #[must_use]
     pub fn trial(&self, place: usize) -> TrialUpload {
         const STEP_MS: f64 = 200.0;

@@ -1,4 +1,4 @@
-//! A server that loses power, at many points of one recording.
+//! A server that loses power at many points of one recording.
 
 use super::{Disk, Recording};
 use crate::load::{Comparison, Person, compare};
@@ -14,20 +14,20 @@ use sqlx::SqliteConnection;
 pub struct Session {
     /// Number of people, one after another.
     pub people: usize,
-    /// Number of trials of each.
+    /// Number of trials of each person.
     pub trials: usize,
-    /// Seed of the random choices: what reaches the disk.
+    /// Seed of the random choice of the writes that reach the disk.
     pub seed: u64,
 }
 
-/// A client's knowledge, with the point since when.
+/// A fact that a client knows from some point on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Known {
-    /// A further trial of that person is stored.
+    /// Another trial of the person is stored.
     Stored,
-    /// Deletion was requested.
+    /// The person has asked for deletion.
     Leaving,
-    /// And acknowledged.
+    /// The server has acknowledged the deletion.
     Gone,
 }
 
@@ -41,11 +41,11 @@ pub struct Recorded {
 }
 
 impl Session {
-    /// Lets people enrol and upload, every other one delete their data, and records the writes to
-    /// the disk.
+    /// Records the writes to the disk while people enrol and upload. Every second person deletes
+    /// their data.
     ///
     /// # Panics
-    /// If the server refuses anything.
+    /// If the server refuses a request.
     pub async fn record(self) -> Recorded {
         let folder = tempfile::TempDir::new().expect("a folder");
         let recording = Recording::of(folder.path());
@@ -81,7 +81,7 @@ impl Session {
 }
 
 impl Recorded {
-    /// The first and the last point with something to lose.
+    /// The first and the last point at which there is acknowledged data to lose.
     ///
     /// # Panics
     /// If nothing was stored.
@@ -90,10 +90,10 @@ impl Recorded {
         (self.known.first().expect("a trial").0, self.recording.now())
     }
 
-    /// Cuts the power at a point and compares the client's knowledge then with the files.
+    /// Cuts the power at a point, and compares the files with what the clients knew at that point.
     ///
     /// # Errors
-    /// If the database is damaged: SQLite's message.
+    /// If the database is damaged. The error is SQLite's message.
     ///
     /// # Panics
     /// If files cannot be written.
@@ -108,13 +108,13 @@ impl Recorded {
         Ok((compare(&self.people_at(moment), &database).await, folder))
     }
 
-    /// A random point.
+    /// A random point between [`Self::moments`].
     pub fn any_moment(&mut self) -> usize {
         let (first, last) = self.moments();
         first + self.rng.below(last - first + 1)
     }
 
-    /// All people, as their browsers knew them at a point.
+    /// All people, with what their clients knew at a point.
     fn people_at(&self, moment: usize) -> Vec<Person> {
         let known = |number: usize, what: Known| {
             let until = self.known.iter().take_while(|(at, _, _)| *at <= moment);
@@ -129,7 +129,8 @@ impl Recorded {
     }
 }
 
-/// SQLite's integrity check of the database in a folder: `ok`, or the damage.
+/// Runs SQLite's integrity check on the database in a folder. Returns `ok`, or a description of the
+/// damage.
 async fn damage(folder: &Folder) -> sqlx::Result<String> {
     let asked = async |db: &mut SqliteConnection| {
         let _: i64 = sqlx::query_scalar("SELECT count(*) FROM trial").fetch_one(&mut *db).await?;

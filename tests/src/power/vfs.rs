@@ -1,6 +1,7 @@
-//! A VFS layer for SQLite that forwards everything to the system's VFS and records it.
+//! A VFS layer for SQLite that forwards all calls to the system's VFS, and records writes,
+//! truncations, syncs and deletions.
 //!
-//! The layout of the structures and the contracts of the functions are those of
+//! The layout of the structures and the contracts of the functions follow
 //! <https://sqlite.org/c3ref/io_methods.html> and <https://sqlite.org/c3ref/vfs.html>.
 #![allow(unsafe_code, reason = "SQLite calls a file layer through C functions")]
 
@@ -11,11 +12,11 @@ use std::path::{Path, PathBuf};
 use std::ptr::null_mut;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// A file as SQLite sees it. The system's own file follows in the same memory.
+/// A file as SQLite sees it. The file object of the system's VFS follows directly in memory.
 #[repr(C)]
 struct Shim {
     base: ffi::sqlite3_file,
-    /// Where to record: name and operations.
+    /// The name of the file and the recording, or null if the file is not recorded.
     record: *mut (String, Acts),
 }
 
@@ -29,8 +30,8 @@ fn system() -> *mut ffi::sqlite3_vfs {
 
 /// Registers the recording layer as the default for all databases opened from now on.
 fn register() -> usize {
-    // SAFETY: the VFS that SQLite returns lives as long as the process, and so does the one
-    // registered: a copy of it with other functions.
+    // SAFETY: the VFS that SQLite returns lives as long as the process. The registered VFS is a
+    // copy of it with other functions, and is leaked, so it lives as long.
     unsafe {
         let system = ffi::sqlite3_vfs_find(null_mut());
         assert!(!system.is_null(), "SQLite has no file layer");
@@ -55,7 +56,7 @@ pub(super) fn record(folder: &Path, acts: &Acts) {
     system();
 }
 
-/// The recording for a file, if there is one.
+/// The recording that contains this file, if any, and the file's name.
 fn recording_of(path: *const c_char) -> Option<(String, Acts)> {
     if path.is_null() {
         return None;
@@ -73,15 +74,15 @@ fn note((name, acts): &(String, Acts), act: Act) {
     acts.lock().unwrap_or_else(PoisonError::into_inner).push((name.clone(), act));
 }
 
-/// The system's file of a file.
+/// The file object of the system's VFS.
 unsafe fn own(file: *mut ffi::sqlite3_file) -> *mut ffi::sqlite3_file {
-    // SAFETY: `szOsFile` makes SQLite allocate memory for both.
+    // SAFETY: `szOsFile` makes SQLite allocate memory for both file objects.
     unsafe { file.cast::<Shim>().add(1).cast() }
 }
 
-/// Records an operation, if the file is recorded and the system succeeded.
+/// Records an operation, if the file is recorded and the operation succeeded.
 unsafe fn noted(file: *mut ffi::sqlite3_file, code: c_int, act: impl FnOnce() -> Act) -> c_int {
-    // SAFETY: `open` has set the pointer, and `close` frees it.
+    // SAFETY: `open` sets the pointer, and `close` frees its target.
     if code == ffi::SQLITE_OK
         && let Some(record) = unsafe { (*file.cast::<Shim>()).record.as_ref() }
     {
@@ -98,8 +99,8 @@ unsafe extern "C" fn open(
     out_flags: *mut c_int,
 ) -> c_int {
     let system = system();
-    // SAFETY: SQLite provides memory of `szOsFile` bytes, and calls no function of a file without
-    // methods.
+    // SAFETY: SQLite provides memory of `szOsFile` bytes, and does not call methods of a file whose
+    // `pMethods` is null.
     unsafe {
         let shim = file.cast::<Shim>();
         (*shim).base.pMethods = std::ptr::null();
@@ -123,7 +124,7 @@ unsafe extern "C" fn delete(
     sync_folder: c_int,
 ) -> c_int {
     let system = system();
-    // SAFETY: the system's VFS with its own arguments.
+    // SAFETY: the system's VFS gets the arguments that SQLite passes to a VFS.
     let code = unsafe { (*system).xDelete.expect("xDelete")(system, name, sync_folder) };
     if code == ffi::SQLITE_OK
         && let Some(record) = recording_of(name)
@@ -137,7 +138,7 @@ unsafe extern "C" fn delete(
 macro_rules! passed_on {
     ($name:ident = $method:ident($($argument:ident: $kind:ty),*) -> $answer:ty) => {
         unsafe extern "C" fn $name(file: *mut ffi::sqlite3_file, $($argument: $kind),*) -> $answer {
-            // SAFETY: an open file of the system's layer has all methods of version 3.
+            // SAFETY: an open file of the system's VFS has all methods of version 3.
             unsafe {
                 let own = own(file);
                 (*(*own).pMethods).$method.expect(stringify!($method))(own, $($argument),*)
@@ -166,7 +167,7 @@ passed_on!(fetch = xFetch(offset: i64, count: c_int, found: *mut *mut c_void) ->
 passed_on!(unfetch = xUnfetch(offset: i64, page: *mut c_void) -> c_int);
 
 unsafe extern "C" fn close(file: *mut ffi::sqlite3_file) -> c_int {
-    // SAFETY: SQLite closes a file once; `open` has allocated the record.
+    // SAFETY: SQLite closes a file once, and `open` allocated the record.
     unsafe {
         let record = std::mem::replace(&mut (*file.cast::<Shim>()).record, null_mut());
         if !record.is_null() {
@@ -204,7 +205,8 @@ unsafe extern "C" fn sync(file: *mut ffi::sqlite3_file, flags: c_int) -> c_int {
     // SAFETY: as for the forwarded functions.
     unsafe {
         let record = (*file.cast::<Shim>()).record.as_ref();
-        // A write of another thread during the sync is not covered.
+        // The sync does not cover writes that another thread makes during it, so the length is read
+        // first.
         let covered =
             record.map_or(0, |(_, acts)| acts.lock().unwrap_or_else(PoisonError::into_inner).len());
         let code = own_sync(file, flags);

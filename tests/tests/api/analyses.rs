@@ -1,4 +1,4 @@
-//! Analyses as jobs of the server: requested, watched, cancelled, stored, deleted after a
+//! Analyses as jobs of the server: requests, progress, cancellation, results, and deletion after a
 //! withdrawal.
 
 use crate::analyze::contents;
@@ -18,12 +18,13 @@ const TASKS: usize = 8;
 /// A study of eight tasks.
 const STUDY: &str = r#"phases = [{ phase = "task", scenes = 8 }]"#;
 
-/// Someone who holds keys for about half a second at a time.
+/// Enrols a participant who drives all scenes with inputs held for up to 1.2 s. The seed `who`
+/// determines the inputs.
 async fn drive(server: &Server, who: u64) -> Driver {
     drive_with(&SceneParameters::default(), server, who).await
 }
 
-/// The same, with other vehicles.
+/// Like [`drive`], but with the vehicles of `parameters`.
 async fn drive_with(parameters: &SceneParameters, server: &Server, who: u64) -> Driver {
     let driver = Driver::enrol(server).await;
     driver.drive_restlessly(server, parameters, who).await;
@@ -126,7 +127,7 @@ async fn a_study_is_analysed_as_by_the_command() {
         }
     }
 
-    // Reports may be viewed, without any permissions; other files are downloads.
+    // Reports can be viewed, but their policy permits nothing. Other files are downloads.
     let report = file(&server, &asked.id, "report.html").await;
     let policy = report.headers()["content-security-policy"].to_str().unwrap().to_owned();
     assert!(policy.contains("default-src 'none'") && !policy.contains("script"), "{policy}");
@@ -144,7 +145,7 @@ async fn a_study_is_analysed_as_by_the_command() {
         assert_eq!(file(&server, &asked.id, name).await.status(), 404, "{name}");
     }
 
-    // A second one with the same data finds every cell in the cache, with the same result.
+    // A second analysis of the same data finds every cell in the cache, with the same result.
     let cells = count(&server, "analysis_cell").await;
     assert!(cells > 0);
     let again = ask(&server, json!({ "leakage": true })).await;
@@ -153,7 +154,8 @@ async fn a_study_is_analysed_as_by_the_command() {
     assert_eq!(second.files, detail.files);
     assert_eq!(count(&server, "analysis_cell").await, cells);
 
-    // Another set and another grid: only new models are computed, and reported beside the rest.
+    // With another feature set and another grid, only new models are computed. They are reported
+    // beside the others.
     let slopes = json!({ "slopes": ["v_h", "dv_h_ahead", "dv_h_left"] });
     let wider = ask(&server, json!({ "sets": slopes, "grids": { "tree_leaf": [7] } })).await;
     let wider = done(&server, &wider.id).await.summary;
@@ -168,12 +170,12 @@ async fn a_study_is_analysed_as_by_the_command() {
     let report = file(&server, &wider.id, "report.html").await.text().await.unwrap();
     assert!(report.contains("<code>slopes</code>"));
 
-    // The list, newest first, page by page.
+    // The list of analyses, newest first, in pages.
     let route = routes::admin_analyses("default");
     let page: AnalysisPage = server.admin(&format!("{route}?limit=1")).await.into(200);
     let brief = |mut summary: AnalysisSummary| {
         let accuracies = &mut summary.result.as_mut().unwrap().accuracies;
-        // The protocol's nine sets, and one more in the wider analysis.
+        // The protocol has nine sets, and the wider analysis has one more.
         assert!([6 * 9, 6 * 10].contains(&accuracies.len()), "{accuracies:?}");
         accuracies.clear();
         summary
@@ -184,7 +186,7 @@ async fn a_study_is_analysed_as_by_the_command() {
     let earlier = [second.summary.clone(), detail.summary.clone()].map(brief);
     assert_eq!((page.analyses, page.next_before), (earlier.to_vec(), None));
 
-    // It survives a restart of the server, and can be deleted.
+    // An analysis survives a restart of the server, and can be deleted.
     let server = server.restarted().await;
     assert_eq!(show(&server, &asked.id).await, detail);
     let request = server.request(Method::DELETE, &routes::admin_analysis(&asked.id));
@@ -204,7 +206,7 @@ async fn a_queue_that_can_be_cancelled_and_outlives_the_server() {
     }
     let first = ask(&server, json!({})).await;
     until(&server, &first.id, |now| now.progress.is_some_and(|p| p.done >= 10)).await;
-    // Two more requests with the same settings: one is queued.
+    // Two more requests with the same settings add only one analysis to the queue.
     let second = ask(&server, json!({ "leakage": true })).await;
     assert_eq!((second.state, second.progress), (AnalysisState::Queued, None));
     let route = routes::admin_analyses("default");
@@ -213,14 +215,14 @@ async fn a_queue_that_can_be_cancelled_and_outlives_the_server() {
     assert_eq!(same.id, second.id);
     let third = ask(&server, json!({ "synthetic": true })).await;
 
-    // The server is restarted: the first one continues with its finished cells.
+    // After a restart of the server, the first analysis continues with its finished cells.
     let kept = count(&server, "analysis_cell").await;
     assert!(kept >= 10, "{kept}");
     let server = server.restarted().await;
     assert!(count(&server, "analysis_cell").await >= kept);
     until(&server, &first.id, |now| now.state == AnalysisState::Running).await;
 
-    // A queued analysis and a running one can both be cancelled, also twice.
+    // A queued and a running analysis can be cancelled, even twice.
     for id in [&second.id, &first.id] {
         for _ in 0..2 {
             let now: AnalysisSummary =
@@ -228,7 +230,7 @@ async fn a_queue_that_can_be_cancelled_and_outlives_the_server() {
             assert_eq!((now.state, now.ended_at_ms.is_some()), (AnalysisState::Cancelled, true));
         }
     }
-    // The next one runs, with the cells that the first one left.
+    // The next analysis runs, and reuses the cells that the first one stored.
     let detail = done(&server, &third.id).await;
     let told = detail.summary.result.unwrap().synthetic.unwrap();
     assert!(told.contains("experimenter"), "{told}");
@@ -247,13 +249,13 @@ async fn who_withdraws_their_data_withdraws_them_from_analyses_too() {
     let during = ask(&server, json!({ "leakage": true })).await;
     until(&server, &during.id, |now| now.state != AnalysisState::Queued).await;
 
-    // A withdrawal of someone without trials deletes nothing.
+    // The withdrawal of a participant without trials deletes nothing.
     let passing = Driver::enrol(&server).await;
     let cells = count(&server, "analysis_cell").await;
     assert_eq!(passing.withdraw(&server, "delete").await.status, 200);
     assert_eq!(show(&server, &before.id).await.summary.state, AnalysisState::Done);
     assert!(count(&server, "analysis_cell").await >= cells);
-    // A withdrawal that leaves the data changes nothing.
+    // A withdrawal that keeps the data changes nothing.
     assert_eq!(stays.withdraw(&server, "keep").await.status, 200);
     assert_eq!(show(&server, &before.id).await.summary.state, AnalysisState::Done);
     assert_eq!(leaves.withdraw(&server, "delete").await.status, 200);
@@ -261,7 +263,8 @@ async fn who_withdraws_their_data_withdraws_them_from_analyses_too() {
     assert_eq!((gone.summary.state, gone.summary.result), (AnalysisState::Withdrawn, None));
     assert_eq!(gone.files, []);
     assert_eq!(file(&server, &before.id, "predictions.csv").await.status(), 404);
-    // The one running at that time was restarted without them, or finished and was deleted.
+    // The analysis that was running was restarted without the participant, or had finished and was
+    // deleted.
     let found = until(&server, &during.id, |now| now.state.is_over()).await;
     match found.summary.state {
         AnalysisState::Done => assert_eq!(found.summary.result.unwrap().participants, 1),
@@ -280,7 +283,7 @@ async fn people_who_cannot_be_compared_are_named() {
     assert_eq!(failed.state, AnalysisState::Failed);
     assert!(failed.message.unwrap().contains("nobody"));
 
-    // One drove with another radius; one has too few tasks, and one never turned.
+    // One participant drove with another radius, one has too few tasks, and one never turned.
     drive(&server, 1).await;
     let changed = format!("{STUDY}\n[parameters]\ndanger_radius_m = 2.5\n");
     let server = server.restarted_with_study(&changed).await;
@@ -292,7 +295,8 @@ async fn people_who_cannot_be_compared_are_named() {
         assert_eq!(straight.send(&server, &id, &trial).await.status, 201);
     }
     assert_eq!(straight.scenes().len(), TASKS);
-    // One trial was not driven in the planned scene: compared, and reported.
+    // One trial was not driven in the planned scene. The participant is compared, and the trial is
+    // reported.
     let elsewhere = Driver::enrol(&server).await;
     for (i, (id, mut scene)) in elsewhere.scenes().into_iter().enumerate() {
         scene.human.x += if i == 3 { 1.0 } else { 0.0 };
@@ -342,7 +346,7 @@ async fn bad_requests_are_explained() {
         let deleted = Answer::of(request.bearer_auth(&server.key)).await;
         deleted.problem(404, "not_found", None);
     }
-    // No one else sees anything.
+    // Requests without a key are refused.
     for (method, route) in [
         (Method::GET, route.clone()),
         (Method::POST, route),
@@ -356,7 +360,8 @@ async fn bad_requests_are_explained() {
     }
 }
 
-/// A human who is faster than the robot: V_RH is a chase, whose solve does not converge.
+/// If the human is faster than the robot, the game of V_RH is a chase, and its solve does not
+/// converge.
 #[tokio::test]
 async fn a_level_that_did_not_converge_is_said_everywhere() {
     let robot = "robot = { speed_mps = 1.5, turn_rate_radps = 0.8 }";
@@ -374,7 +379,7 @@ async fn a_level_that_did_not_converge_is_said_everywhere() {
     assert!(safety.v_rh.last_change_m.unwrap() > 1e-4, "{safety:?}");
     let report = file(&server, &asked.id, "report.html").await.text().await.unwrap();
 
-    // The command reports it for the same study.
+    // The command reports the same for this study.
     let folder = TempDir::new().unwrap();
     let out = folder.path().join("out");
     let args = ["analyze", "--database", &server.database(), "--out", out.to_str().unwrap()];

@@ -1,4 +1,4 @@
-//! Analyses in separate processes: how they end, and how the server reacts.
+//! Analyses in separate processes: how the processes end, and how the server reacts.
 
 use crate::analyses::{ask, post};
 use reqwest::Method;
@@ -16,7 +16,7 @@ use sidestep_tests::{Answer, Database, Driver, Folder, Process, Server, run};
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-/// A server with a study of people whose analysis takes half a minute.
+/// A server with a study whose analysis takes half a minute.
 async fn with_people(folder: &Folder) -> Process {
     with_people_in(folder, &Database::file(folder.root(), "sidestep.db")).await
 }
@@ -32,7 +32,7 @@ async fn with_people_in(folder: &Folder, database: &Database) -> Process {
     server
 }
 
-/// The key of a new database.
+/// The experimenter's key, which the server printed when it created the database.
 fn key(server: &Process) -> String {
     let said = server.announcement.concat();
     let (_, key) = said.split_once("#key=").expect("a key");
@@ -65,7 +65,7 @@ async fn until(
     }
 }
 
-/// The running analysis, with its process.
+/// Starts an analysis and waits until it is running. Returns the analysis id and the process id.
 async fn under_way(server: &Process) -> (String, u32) {
     let id = asked_for(server).await.id;
     until(server, &id, |now| now.progress.is_some_and(|progress| progress.done >= 3)).await;
@@ -116,17 +116,17 @@ async fn a_process_that_is_killed_fails_its_analysis_alone() {
     for words in ["killed", "short of memory", "fewer sets", "paper_only"] {
         assert!(message.contains(words), "{message}");
     }
-    // One that crashes.
+    // A process that crashes.
     let (id, process) = under_way(&server).await;
     signal("-ABRT", process);
     let failed = until(&server, &id, |now| now.state.is_over()).await;
     assert_eq!(failed.state, AnalysisState::Failed);
     assert!(failed.message.unwrap().contains("crashed"));
-    // The server reaps it, and runs the next analysis.
+    // The server reaps the process, and can run the next analysis.
     let someone = Driver::enrol(&server).await;
     someone.drive(&server, 1).await;
     let (_, process) = under_way(&server).await;
-    // It does not outlive the server, however the server ends.
+    // The process ends with the server, however the server ends.
     server.kill().await;
     eprintln!("gone {:?} after the server was killed", gone(process).await);
 }
@@ -136,8 +136,8 @@ async fn a_cancelled_analysis_stops_within_a_second() {
     let folder = Folder::default();
     let server = with_people(&folder).await;
     let (id, process) = under_way(&server).await;
-    // Its priority is lowest: it yields to everything else, above all to the server and the
-    // database.
+    // The process has the lowest priority and yields to all other processes, above all to the
+    // server and the database.
     let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap();
     let fields: Vec<&str> = stat.rsplit_once(')').unwrap().1.split_whitespace().collect();
     assert_eq!(fields[16], "19", "its priority: {stat}");
@@ -148,7 +148,7 @@ async fn a_cancelled_analysis_stops_within_a_second() {
     }
     let score = std::fs::read_to_string(format!("/proc/{process}/oom_score_adj")).unwrap();
     assert_eq!(score.trim(), "1000");
-    // It has no key, no database and no socket.
+    // The process has no key, no database and no socket.
     assert_eq!(std::fs::read(format!("/proc/{process}/environ")).unwrap(), b"");
     for file in std::fs::read_dir(format!("/proc/{process}/fd")).unwrap() {
         let open = std::fs::read_link(file.unwrap().path()).unwrap_or_default();
@@ -164,8 +164,7 @@ async fn a_cancelled_analysis_stops_within_a_second() {
         eprintln!("stopped {took:?} after it was cancelled");
         took
     };
-    // Measure up to three times more: on a busy machine, a low-priority process is also slow to
-    // exit.
+    // Measure up to three times, because a low-priority process exits slowly on a busy machine.
     let mut took = vec![cancel(&id, process).await];
     while took.len() < 3 && took.iter().all(|&took| took >= Duration::from_secs(2)) {
         let (id, process) = under_way(&server).await;
@@ -173,8 +172,8 @@ async fn a_cancelled_analysis_stops_within_a_second() {
     }
     assert!(took.iter().any(|&took| took < Duration::from_secs(2)), "{took:?}");
 
-    // A server that is asked to stop does not wait for an analysis, which continues at the next
-    // start.
+    // A server that is asked to stop does not wait for an analysis. The analysis continues at the
+    // next start.
     let (_, process) = under_way(&server).await;
     let server_id = server.id();
     signal("-TERM", server_id);
@@ -184,7 +183,7 @@ async fn a_cancelled_analysis_stops_within_a_second() {
     gone(process).await;
 }
 
-/// As on system shutdown: every process is asked to exit.
+/// At a system shutdown, every process is asked to exit.
 #[tokio::test]
 async fn a_process_that_is_asked_to_end_with_the_server_goes_on_at_the_next_start() {
     let folder = Folder::default();
@@ -198,7 +197,7 @@ async fn a_process_that_is_asked_to_end_with_the_server_goes_on_at_the_next_star
     let server = Process::start(&folder).await;
     let request = server.request(Method::GET, &routes::admin_analysis(&id)).bearer_auth(key);
     let now: AnalysisDetail = Answer::of(request).await.into(200);
-    // The server may have restarted it by now.
+    // The server may have restarted the analysis by now.
     assert!(!now.summary.state.is_over() && now.summary.message.is_none(), "{now:?}");
 }
 
@@ -206,7 +205,8 @@ fn child(memory_mib: u64) -> Children {
     Children { program: Some(binary().to_owned()), memory_mib, threads: 1, nice: 0 }
 }
 
-/// Sends an analysis of `people` who drove `tasks` tasks each, and returns all messages.
+/// Sends a child process an analysis of `people` participants with `tasks` tasks each, and returns
+/// all its messages.
 async fn analysed(memory_mib: u64, people: u64, tasks: u64) -> Result<Vec<FromChild>, Ended> {
     let mut child = child(memory_mib).start().unwrap();
     let scene = SceneParameters::default();
@@ -257,7 +257,7 @@ async fn what_would_cost_too_much_is_refused_with_figures() {
     })
     .await;
     let route = routes::admin_analyses("default");
-    // No trials yet.
+    // There are no trials yet.
     ask(&server, json!({})).await;
     let driver = Driver::enrol(&server).await;
     driver.drive_restlessly(&server, &SceneParameters::default(), 1).await;

@@ -1,4 +1,4 @@
-//! analyze: the whole comparison, against scikit-learn's on the same data.
+//! `analyze`: the whole comparison, checked against scikit-learn's results on the same data.
 
 use serde_json::{Value, json};
 use sidestep_tests::folder::{Row, data, number, rows as table};
@@ -24,8 +24,8 @@ fn key(row: &Row) -> [String; 4] {
     ["model", "experiment", "features", "participant"].map(|column| row[column].clone())
 }
 
-/// Where hyper-parameters were tied in cross-validation, the reference chose by the last digits of
-/// its own solvers, so some cells differ; at least 85 % must agree.
+/// Where hyper-parameters tie in cross-validation, the reference chose by rounding errors of its
+/// solvers. Therefore some cells differ, but at least 85 % must agree.
 #[tokio::test]
 async fn the_comparison_is_that_of_scikit_learn() {
     let folder = TempDir::new().unwrap();
@@ -62,7 +62,8 @@ async fn the_comparison_is_that_of_scikit_learn() {
     generalisation_is_that_of_scikit_learn(&out);
 }
 
-/// Logistic regression with fewer training tasks, and trained on the other participants.
+/// Logistic regression with fewer training tasks, and logistic regression trained on the other
+/// participants.
 fn generalisation_is_that_of_scikit_learn(out: &Path) {
     let theirs = table(data("sklearn_generalisation.csv"));
     assert_eq!(theirs.len(), 2 * 2 * 4 * 8);
@@ -82,7 +83,8 @@ fn generalisation_is_that_of_scikit_learn(out: &Path) {
             assert!(apart.abs() < 1e-3, "{row:?}: {ours:?}");
             continue;
         }
-        // The file also has the means over participants, each point once.
+        // The file also has the learning curve, whose points are means over participants. Check
+        // each point once.
         if row["participant"] != "0" {
             continue;
         }
@@ -100,7 +102,8 @@ fn generalisation_is_that_of_scikit_learn(out: &Path) {
     }
 }
 
-/// The header and the rows of the reference's trials: the first `tasks` tasks of these participants.
+/// The header of the reference's trials, and the rows of the first `tasks` tasks of these
+/// participants.
 pub(crate) fn some_trials(people: &[&str], tasks: u64) -> (String, Vec<String>) {
     let text = fs::read_to_string(data("trials.csv")).unwrap();
     let mut lines = text.lines().map(str::to_owned);
@@ -119,7 +122,7 @@ pub(crate) fn written(folder: &TempDir, name: &str, header: &str, rows: &[String
     path.to_str().unwrap().to_owned()
 }
 
-/// Every file below a folder except the cache, by name, with its bytes.
+/// The name and content of every file in a folder and its subfolders, except the cache.
 pub(crate) fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).unwrap() {
@@ -136,7 +139,7 @@ pub(crate) fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
     found
 }
 
-/// Sorts by the middle digits of a hash: an order unrelated to the original.
+/// The rows sorted by a hash, which makes their order independent of the original order.
 fn shuffled(rows: &[String]) -> Vec<String> {
     let mut rows = rows.to_vec();
     rows.sort_by_key(|row| {
@@ -173,13 +176,14 @@ async fn neither_order_nor_threads_nor_the_cache_change_a_byte() {
             assert!(before == now, "{name}: {} differs", now.0);
         }
     }
-    // Rows of one trial on both sides of the split leak the answers.
+    // Rows of one trial on both sides of a train-test split leak the answers.
     let leaks = table(folder.path().join("a").join("leakage.csv"));
     let rbf = leaks.iter().find(|row| row["model"] == "svm" && row["experiment"] == "1").unwrap();
     assert!(number(rbf, "leaking_percent") > number(rbf, "grouped_percent") + 5.0, "{rbf:?}");
 }
 
-/// A study of two people with six tasks each, and its analysis in `out`.
+/// Writes a study of two people with six tasks each, and analyses it into `out`. Returns the path
+/// of the trials.
 async fn analysed(folder: &TempDir, out: &Path) -> String {
     let (header, rows) = some_trials(&["0", "3"], 6);
     let trials = written(folder, "trials.csv", &header, &rows);
@@ -188,7 +192,8 @@ async fn analysed(folder: &TempDir, out: &Path) -> String {
     trials
 }
 
-/// Ctrl-C leaves the previous result, or none; models fitted so far stay in the cache.
+/// After Ctrl-C, the previous result, if any, is unchanged, and the models fitted so far stay in
+/// the cache.
 #[cfg(unix)]
 #[tokio::test]
 async fn an_analysis_that_is_interrupted_changes_nothing() {
@@ -216,7 +221,7 @@ async fn an_analysis_that_is_interrupted_changes_nothing() {
     assert!(contents(&former) == before);
 }
 
-/// When each file of the cache was written, by name.
+/// The modification time of each file in the cache, by name.
 fn kept(out: &Path) -> HashMap<String, SystemTime> {
     let time = |entry: fs::DirEntry| {
         (entry.file_name().into_string().unwrap(), entry.metadata().unwrap().modified().unwrap())
@@ -235,7 +240,7 @@ async fn only_what_changed_is_fitted_again() {
     assert_eq!((code, kept(&out)), (Some(0), first.clone()));
     assert!(contents(&out) == before);
 
-    // Another input in the last step of person 3: all their models are fitted again.
+    // Change the input in the last step of person 3. All models of this person are fitted again.
     let (header, mut rows) = some_trials(&["0", "3"], 6);
     let last = rows.pop().unwrap();
     let (start, omega) = last.rsplit_once(',').unwrap();
@@ -246,7 +251,8 @@ async fn only_what_changed_is_fitted_again() {
     assert_eq!(code, Some(0), "{said}");
     let second = kept(&out);
     let same = second.iter().filter(|(name, time)| first.get(*name) == Some(time)).count();
-    // So are the models of either person that are trained on the other: two kinds on three sets.
+    // For both people, the models that are trained on the other person are also fitted again: two
+    // kinds of model on three sets.
     let shared = 2 * 2 * 3;
     assert_eq!((second.len(), 2 * same + shared), (first.len(), first.len()));
 
@@ -263,7 +269,8 @@ async fn only_what_changed_is_fitted_again() {
     assert!(contents(&out) == before);
 }
 
-/// Features from `sidestep features` equal those that analyze computes, to the last bit.
+/// Reading features that `sidestep features` wrote gives exactly the same results as computing
+/// them.
 #[tokio::test]
 async fn features_of_a_file_change_nothing() {
     let folder = TempDir::new().unwrap();
@@ -278,7 +285,7 @@ async fn features_of_a_file_change_nothing() {
     assert!(contents(&computed) == contents(&read));
 }
 
-/// The tables of a folder, without the origin of the trials.
+/// The tables and models in a folder, without the files that name the origin of the trials.
 fn tables(out: &Path) -> Vec<(String, Vec<u8>)> {
     let mut all = contents(out);
     all.retain(|(name, _)| name.ends_with(".csv") || name.starts_with("models/"));
@@ -328,7 +335,8 @@ phases = [{ phase = "practice", scenes = 1 }, { phase = "task", scenes = 6 }]
     }
 }
 
-/// Checks that a command writes the same `file` (of its folder, or `.`) from a database as from its export.
+/// Checks that a command writes the same output from a database as from its export. `file` is a
+/// file in the output folder, or `.` if the output itself is a file.
 async fn of_both(
     command: &str,
     flags: &[&str],
@@ -350,7 +358,7 @@ async fn of_both(
     assert!(written[0].len() > 100 && written[0] == written[1], "{command}");
 }
 
-/// Synthetic participants are distinguished from people, whose trials get no banner.
+/// Synthetic participants are recognised. Trials of people get no banner.
 #[tokio::test]
 async fn synthetic_data_are_recognised() {
     let folder = TempDir::new().unwrap();
@@ -369,7 +377,7 @@ async fn synthetic_data_are_recognised() {
     let (header, rows) = some_trials(&["0"], 6);
     let reference = written(&folder, "reference.csv", &header, &rows);
     assert!(banner("reference", &reference, &[]).await);
-    // The label in the data stays when the flag is given too.
+    // The label from the data remains if the flag is also given.
     assert!(banner("both", &reference, &["--synthetic"]).await);
     let both = fs::read_to_string(folder.path().join("both/report.html")).unwrap();
     assert!(both.contains("of seed 20180918; the experimenter says so, too"));

@@ -1,4 +1,5 @@
-//! analyze: an error in one person's data excludes that person, and an error in a file refuses it.
+//! `analyze`: an error in one person's data excludes that person, and an error in the file format
+//! rejects the file.
 
 use crate::analyze::{analyze, some_trials, written};
 use serde_json::{Value, json};
@@ -7,7 +8,7 @@ use sidestep_tests::sidestep;
 use std::fs;
 use tempfile::TempDir;
 
-/// The first line of person 1 in a file of persons 0 and 1 with six tasks each.
+/// Line number of the first row of person 1, in a file of persons 0 and 1 with six tasks each.
 const FIRST: usize = 302;
 
 fn changed(row: &str, column: usize, text: &str) -> String {
@@ -48,7 +49,7 @@ async fn who_has_a_wrong_row_is_named_and_all_others_are_compared() {
         ),
         (|own| own[20] = changed(&own[20], 1, "-1"), 322, "trial: expected a whole number"),
         (|own| own[20] = changed(&own[20], 3, "9"), 322, "t: expected 4 (steps of 0.2 s)"),
-        // The first of several errors.
+        // The first of several errors is reported.
         (
             |own| {
                 own[70] = changed(&own[70], 4, "x");
@@ -140,7 +141,7 @@ async fn one_person_under_several_names_is_told() {
     );
 }
 
-/// Two of the first tasks copied to the end, where they are test tasks.
+/// Two of the first tasks are copied to the end, where they become test tasks.
 #[tokio::test]
 async fn trials_copied_within_one_person_are_told() {
     let folder = TempDir::new().unwrap();
@@ -210,7 +211,7 @@ async fn files_are_refused_where_it_cannot_be_told_whose_the_rows_are() {
         .await;
     let open = changed(&rows[400], 4, "\"1");
     refused(with(402, &open), "line 402: row: expected 11 fields, as in the header").await;
-    // Lines are counted as in an editor: with CR LF and empty lines too.
+    // Lines are counted as in an editor, even with CR LF line ends and empty lines.
     let other_ends = String::from_utf8(with(402, start)).unwrap().replace('\n', "\r\n");
     refused(other_ends.into(), "line 402: row: expected 11 fields, as in the header").await;
     let spaced = String::from_utf8(with(402, start)).unwrap().replacen('\n', "\n\n\n", 1);
@@ -225,7 +226,7 @@ async fn files_are_refused_where_it_cannot_be_told_whose_the_rows_are() {
     let practice: Vec<String> = rows.iter().map(|row| format!("{row},practice")).collect();
     let practice = text(&format!("{header},phase"), &practice);
     refused(practice.into(), "expected at least one task, found none").await;
-    // Everyone's data are wrong.
+    // The data of every participant are wrong.
     let other: Vec<String> = rows.iter().map(|row| changed(row, 10, "7")).collect();
     let words = "line 2: omega: expected -0.5, 0 or 0.5, found 7; --evader-turn-rate sets the \
                  human's turn rate; 1 more have faults too";
@@ -240,8 +241,8 @@ async fn files_are_refused_where_it_cannot_be_told_whose_the_rows_are() {
     assert!(said.contains("cannot write"), "{said}");
 }
 
-/// As other programs write them: with a byte-order mark, other line ends, quotes, another order of
-/// columns.
+/// Files as other programs write them: with a byte-order mark, CR LF line ends, quotes, and another
+/// order of columns.
 #[tokio::test]
 async fn other_writers_files_are_read() {
     let folder = TempDir::new().unwrap();
@@ -303,7 +304,8 @@ async fn features_that_do_not_go_with_somebodys_trials_leave_them_out() {
         assert_eq!(printed["participants"], 1);
     }
 
-    // No trials; not a table.
+    // The reference's features fit its trials. A file without rows or with a wrong header is
+    // rejected.
     let (code, _, said) =
         analyze(&["--trials", &trials, "--features", &data("features.csv")], &out).await;
     assert_eq!(code, Some(0), "the reference's go with its trials: {said}");
@@ -322,7 +324,8 @@ async fn features_that_do_not_go_with_somebodys_trials_leave_them_out() {
     }
 }
 
-/// Everything else fits: positions, speeds, inputs and the relative heading of the vehicles.
+/// Everything else is consistent: positions, speeds, inputs, and the relative heading of the
+/// vehicles.
 #[tokio::test]
 async fn headings_in_degrees_are_refused() {
     let folder = TempDir::new().unwrap();
@@ -351,8 +354,8 @@ async fn headings_in_degrees_are_refused() {
     }
 }
 
-/// One impossible step excludes its participant from analyses, and other commands refuse the file.
-/// Inputs with the opposite sign concern everyone: no command accepts the file.
+/// For one impossible step, `analyze` excludes the participant, and other commands reject the file.
+/// Inputs with the opposite sign affect everyone, so no command accepts the file.
 #[tokio::test]
 async fn states_that_no_inputs_explain_are_refused() {
     let folder = TempDir::new().unwrap();
@@ -390,7 +393,7 @@ async fn states_that_no_inputs_explain_are_refused() {
     assert!(said.contains("trials.csv: omega: expected") && said.contains("the opposite of omega"));
 }
 
-/// Safety levels of other vehicles than the driven ones would look like results.
+/// Safety levels for other vehicles than the driven ones would look like valid results.
 #[tokio::test]
 async fn trials_of_other_vehicles_are_not_taken_for_these() {
     let folder = TempDir::new().unwrap();
@@ -409,7 +412,7 @@ async fn trials_of_other_vehicles_are_not_taken_for_these() {
         let output = sidestep(&[&args[..], &[features.to_str().unwrap()]].concat()).await;
         assert_eq!((output.status.code(), features.exists()), (Some(2), false));
     }
-    // Trials with another length and step are accepted with the right flags.
+    // Trials with fewer steps are accepted if the flag states the number of steps.
     let short: Vec<String> = (rows.iter())
         .filter(|row| row.split(',').nth(2).unwrap().parse::<u64>().unwrap() < 40)
         .cloned()

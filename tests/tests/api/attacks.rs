@@ -1,9 +1,10 @@
-//! The thirty-two cases that every release withstands (`docs/decisions/0027-attacks-and-limits.md` says why):
-//! no answer of 500 or more except where the database is in trouble, nothing written by what is refused, and
-//! a server that goes on.
+//! The thirty-two attacks that every release must withstand;
+//! `docs/decisions/0027-attacks-and-limits.md` gives the reasons. The server answers no request
+//! with a status of 500 or more, except if the database fails. A refused request writes nothing,
+//! and the server keeps running.
 //!
-//! Each case is a function of a running server, so that it does not depend on the database behind it. The cases
-//! 30 and 32, in `faults.rs`, need a process of their own.
+//! Each case is a function of a running server, so it does not depend on the kind of database. The
+//! cases 30 and 32, in `faults.rs`, need their own process.
 
 mod bodies;
 mod faults;
@@ -17,12 +18,12 @@ mod trials;
 use sidestep_tests::Server;
 use sidestep_tests::server::SHORT_STUDY;
 
-/// The server for each case.
+/// Starts the server for a case.
 async fn server() -> Server {
     Server::with_study(SHORT_STUDY).await
 }
 
-/// Creates a test for each case, which also checks that the server still works afterwards.
+/// Creates a test for each case. The test also checks that the server still works afterwards.
 macro_rules! cases {
     ($($file:ident: $($case:ident)+;)+) => {
         $($(
@@ -76,7 +77,7 @@ cases! {
         case_31_bare_line_feeds_and_other_hosts;
 }
 
-/// Someone takes part, and every trial is stored once.
+/// Checks that a new participant can take part, and that a trial is stored once.
 async fn still_serves(server: &Server) {
     let driver = sidestep_tests::Driver::enrol(server).await;
     driver.drive(server, 1).await;

@@ -15,7 +15,7 @@ fn interrupted(scene: &sidestep::scene::Scene) -> TrialUpload {
     trial
 }
 
-/// The next scene.
+/// The next scene to drive, and its phase.
 async fn next(server: &Server, driver: &Driver) -> Option<(Phase, PlannedScene)> {
     let me: Progress = driver.me(server).await.into(200);
     let id = me.next?;

@@ -1,4 +1,4 @@
-//! Studies in the laboratory as they run: their counts, and an event for each change.
+//! Running studies in the laboratory: their counts, and an event for each change.
 
 use crate::people::{come, drive};
 use reqwest::{Method, Response};
@@ -10,7 +10,7 @@ use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Answer, Driver, Server};
 use std::time::{Duration, Instant};
 
-/// The server's events.
+/// Opens the server's event stream.
 async fn follow(server: &Server) -> Response {
     let request = server.request(Method::GET, routes::CHANGES).bearer_auth(&server.key);
     let events = request.send().await.unwrap();
@@ -19,10 +19,11 @@ async fn follow(server: &Server) -> Response {
     events
 }
 
-/// Longer than an event takes on a busy machine.
+/// Timeout for an event. Even on a busy machine, events arrive sooner.
 const PATIENCE: Duration = Duration::from_secs(300);
 
-/// Two and a half pauses of the server, within which it would have sent an event.
+/// Two and a half times the server's pause between events. If there was a change, an event arrives
+/// within this time.
 const SILENCE: Duration = Duration::from_millis(2_500);
 
 /// The number of the next event.
@@ -30,7 +31,7 @@ async fn next(events: &mut Response) -> u64 {
     next_within(events, PATIENCE).await.expect("an event")
 }
 
-/// The number of the next event; `None` if there is none in that time.
+/// The number of the next event. `None` if no event arrives within this time.
 async fn next_within(events: &mut Response, time: Duration) -> Option<u64> {
     let chunk = tokio::time::timeout(time, events.chunk()).await.ok()?.unwrap()?;
     let text = std::str::from_utf8(&chunk).unwrap();
@@ -48,7 +49,7 @@ async fn an_open_page_hears_of_changes_and_only_of_changes() {
     let joined = next(&mut events).await;
     assert!(joined > at_once);
     driver.drive(&server, 3).await;
-    // Several changes at once are one event, or two if the first was already sent.
+    // Several changes at once cause one event, or two if the first event has already been sent.
     assert!(next(&mut events).await > joined);
     while next_within(&mut events, SILENCE).await.is_some() {}
     // A readiness check changes nothing.
@@ -82,7 +83,7 @@ async fn a_study_is_counted_without_its_pilots() {
     let pilot = Driver { enrolled: Driver::ask(&server, pilot).await.into(201) };
     pilot.drive(&server, 1).await;
     assert_eq!(counts(&study().await), [0, 0, 0, 0, 0, 1]);
-    // One who steers like a person and finishes, one who never steers, one who has left.
+    // One participant steers like a person and finishes, one never steers, and one leaves.
     let finishes = come(&server, "finishes").await;
     finishes.drive(&server, 5).await;
     finishes.complete(&server).await.into::<serde_json::Value>(200);
@@ -109,7 +110,7 @@ async fn a_revoked_key_hears_nothing_more() {
     let key = routes::admin_key(&guest.key.id.to_string());
     let revoke = server.request(Method::DELETE, &key).bearer_auth(&server.key);
     assert_eq!(Answer::of(revoke).await.status, 204);
-    // The response ends by itself, not by the timeout of the test.
+    // The server ends the response; the timeout of the test does not.
     let ended = async { while events.chunk().await.unwrap().is_some() {} };
     tokio::time::timeout(PATIENCE, ended).await.expect("the answer goes on");
 }

@@ -1,4 +1,4 @@
-//! The typed client, against a server.
+//! The typed client, tested against a server.
 
 use sidestep::api::{Access, ComprehensionResult, Draft, Enrolment, NewKey, Stage};
 use sidestep::comparison::Request;
@@ -11,7 +11,7 @@ fn consent() -> Enrolment {
     serde_json::from_value(serde_json::json!({ "consent": true })).unwrap()
 }
 
-/// The code of a refusal.
+/// The error code of a refused request.
 fn code<T>(answer: Result<T, ClientError>) -> String {
     answer.err().and_then(|error| error.code().map(str::to_owned)).expect("a refusal")
 }

@@ -1,4 +1,4 @@
-//! Setting up studies in the laboratory.
+//! Creating and changing studies in the laboratory.
 
 use reqwest::Method;
 use serde_json::{Value, json};
@@ -41,7 +41,7 @@ async fn a_draft_is_checked_by_line_and_shown() {
     {
         assert_eq!(check(&server, text, None).await.complaint.unwrap().line, Some(line), "{text}");
     }
-    // Missing texts in a language are not an error.
+    // A missing translation is only a warning.
     let half =
         "slug = \"new\"\nlanguages = [\"en\", \"de\"]\n[consent]\ntext = { en = \"Hello.\" }\n";
     let half = check(&server, half, None).await;
@@ -59,7 +59,7 @@ async fn a_draft_is_checked_by_line_and_shown() {
     assert!(warning.message.contains("completion code"), "{warning:?}");
     let picture = half.picture.unwrap();
     assert!(picture.starts_with("<svg") && picture.contains("How the scenes are spread"));
-    // Differences from the study of this name.
+    // The draft is compared with the study of the same slug.
     let present: Configuration =
         server.admin(&routes::admin_configuration("default")).await.into(200);
     let same = check(&server, &present.toml, Some(&present.hash)).await;
@@ -86,7 +86,7 @@ async fn a_form_is_checked_by_field_and_written_as_a_study_file() {
     let shown = check(&server, &present.toml, None).await;
     assert_eq!(shown.languages[0], "en");
     let config = shown.config.unwrap();
-    // A form without changes gives the same study.
+    // A form without changes gives the same study file.
     let same = send_form(&config).await;
     assert_eq!((same.toml.as_deref(), same.complaint), (Some(present.toml.as_str()), None));
     assert!(same.changes.is_empty() && same.picture.is_some());
@@ -102,7 +102,7 @@ async fn a_form_is_checked_by_field_and_written_as_a_study_file() {
     let read = check(&server, &written.toml.unwrap(), Some(&present.hash)).await;
     assert_eq!((read.complaint, read.config), (None, Some(entered)));
 
-    // Whatever the input, the complaint is about the field, and the form stays.
+    // Whatever the input, the complaint names the field, and the form is kept.
     for (path, value, in_text) in [
         ("/phases/0/scenes", json!(0), true),
         ("/phases/0/scenes", json!(null), false),
@@ -124,7 +124,7 @@ async fn a_form_is_checked_by_field_and_written_as_a_study_file() {
         assert_eq!((complaint.line.is_some(), checked.toml.is_some()), (in_text, in_text));
         assert!(checked.config.is_some(), "{path}");
     }
-    // For a field without a number, or with an invalid one, the complaint states the range at once.
+    // If a field has no number or an invalid one, the complaint states the valid range.
     for (path, value, expected) in [
         ("/phases/0/scenes", json!(null), "a whole number from 1 to 1000, found nothing"),
         ("/phases/0/scenes", json!(2.5), "a whole number from 1 to 1000, found 2.5"),
@@ -135,16 +135,17 @@ async fn a_form_is_checked_by_field_and_written_as_a_study_file() {
         let said = send_form(&entered).await.complaint.unwrap().message;
         assert!(said.ends_with(expected) && said.contains(" to "), "{said}");
     }
-    // Without a base it is a new study, which needs an unused slug.
+    // A draft without a base is a new study, which needs an unused slug.
     let taken = check(&server, &present.toml, None).await.complaint.unwrap();
     assert_eq!(taken.field.as_deref(), Some("slug"));
     assert!(taken.message.contains("a name that no study has"), "{taken:?}");
-    // TOML has no such number.
+    // TOML cannot represent this number.
     let mut entered = config.clone();
     entered["recruitment"]["quota"] = json!(u64::MAX);
     let complaint = send_form(&entered).await.complaint.unwrap();
     assert!(!complaint.message.is_empty() && !complaint.message.contains('\n'), "{complaint:?}");
-    // A text that parses as a study but is invalid has a form; other text has none.
+    // A text that parses as a study has a form, even if the study is invalid. Any other text has no
+    // form.
     let invalid = check(&server, "slug = \"a\"\n[trials]\ncountdown_s = 99\n", None).await;
     assert_eq!(invalid.config.unwrap()["trials"]["countdown_s"], 99);
     for text in ["slug = ", "slug = \"a\"\ncolour = 1", "slug = \"a\"\n[trials]\nend_s = nan"] {
@@ -187,7 +188,7 @@ async fn a_study_is_made_changed_closed_and_kept_over_a_restart() {
         Driver { enrolled: Driver::ask_in(&server, "second", body.clone()).await.into(201) };
     assert_eq!((first.scenes().len(), later.scenes().len()), (2, 3));
     first.drive(&server, 2).await;
-    // Two concurrent edits: the second is refused, and nothing is lost.
+    // Of two concurrent edits, the second is refused, and nothing is lost.
     let other = made.toml.replace("Second", "Other");
     change(&server, "second", &other, &made.hash).await.problem(409, "changed", None);
     let renamed = longer.replace("slug = \"second\"", "slug = \"third\"");
@@ -214,7 +215,8 @@ async fn a_study_is_made_changed_closed_and_kept_over_a_restart() {
         [("study_changed", "status"), ("study_changed", "phases[0].scenes"), ("study_made", "")]
     );
 
-    // The file of the first study is passed again; both studies stay as the laboratory left them.
+    // The restarted server gets the file of the first study again, but both studies stay as the
+    // laboratory left them.
     let route = routes::admin_status("default");
     let closed = json!({ "status": "closed" });
     let closed = send(&server, Method::PUT, &route, &server.key, &closed).await;

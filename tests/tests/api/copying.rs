@@ -1,9 +1,9 @@
-//! Backups, and copies from one database to another.
+//! Backups, and copies between databases.
 
 use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Driver, Folder, Server, run};
 
-/// The steps of the study `default`.
+/// The exported steps of the study `default`.
 async fn steps(database: &str) -> String {
     let folder = Folder::default();
     let out = folder.name("out");
@@ -30,7 +30,7 @@ async fn a_backup_of_a_server_that_collects_is_restored_whole() {
     assert_eq!(run(&restore).await.json()["trials"], 5);
     assert_eq!(steps(&restored).await, steps(&database).await);
     run(&restore).await.refused(2, &["--database", "restored.db", "it has data"]);
-    // The laboratory's key works for the restored database too.
+    // The laboratory's key also works with the restored database.
     let key = server.key.clone();
     let again = Server::on(restored, None).await;
     let request = again.request(reqwest::Method::GET, sidestep::api::routes::ADMIN_STUDIES);
@@ -86,10 +86,10 @@ async fn what_a_lost_database_left_in_its_log_is_not_lost() {
     }
     assert_eq!(folder.text("lost.db-wal"), "the only copy of a trial");
     std::fs::remove_file(folder.name("lost.db")).unwrap();
-    // Nor does another database get that name.
+    // A backup is not written under that name either.
     let onto = ["backup", "--database", &server.database(), "--out", &folder.name("lost.db")];
     run(&onto).await.refused(1, &["lost.db: cannot write", "write-ahead log", "another folder"]);
-    // An empty file is not a database.
+    // An empty file without a log counts as a missing database.
     std::fs::remove_file(folder.name("lost.db-wal")).unwrap();
     folder.file("lost.db", "");
     assert_eq!(run(&restore).await.json()["studies"], 1);
@@ -170,7 +170,7 @@ async fn a_study_moves_to_another_database() {
     run(&["check", "--database", &to]).await.json();
     let unknown = ["copy", "--from", &from, "--to", &to, "--study", "other"];
     run(&unknown).await.refused(2, &["--study other", "no such study", "default"]);
-    // Another spelling of the same address is recognised.
+    // Another spelling of the same address is recognised as the same database.
     let same = match from.strip_prefix("sqlite:") {
         Some(file) => format!("sqlite://{file}"),
         None => from.replacen("postgres:", "postgresql:", 1),

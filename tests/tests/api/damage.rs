@@ -10,8 +10,8 @@ use std::path::Path;
 
 const PAGE: usize = 4096;
 
-/// A file with trials of people and of an import: those of people are longer than a page. Most pages
-/// contain trials.
+/// A database file with trials of people and imported trials. The trials of people are longer than
+/// a page. Most pages contain trials.
 async fn collected(folder: &Folder) -> String {
     let server = Server::on_a_file(SHORT_STUDY).await;
     for _ in 0..4 {
@@ -40,20 +40,20 @@ async fn trials(file: &str) -> BTreeMap<String, String> {
     db.rows(query, row).await.unwrap().into_iter().collect()
 }
 
-/// The page of a file that contains these bytes.
+/// The index of the page that contains these bytes.
 fn page_of(file: &str, bytes: &[u8]) -> usize {
     let content = std::fs::read(file).unwrap();
     content.windows(bytes.len()).position(|window| window == bytes).unwrap() / PAGE
 }
 
-/// The root page of a table or index.
+/// The index of the root page of a table or index.
 async fn root_of(file: &str, name: &str) -> usize {
     let query = format!("SELECT rootpage FROM sqlite_schema WHERE name = '{name}'");
     let root: i64 = behind(&format!("sqlite:{file}")).row(&query, |row| row.get(0)).await.unwrap();
     usize::try_from(root).unwrap() - 1
 }
 
-/// The leaf pages of the schema, whose inner page is the first of the file.
+/// The leaf pages of the schema. Its inner page is the first page of the file.
 fn schema_leaves(file: &str) -> Vec<usize> {
     let content = std::fs::read(file).unwrap();
     let number = |at: usize, count: usize| {
@@ -64,7 +64,7 @@ fn schema_leaves(file: &str) -> Vec<usize> {
     cells.chain([number(108, 4)]).map(|page| page - 1).collect()
 }
 
-/// One column of one stored trial.
+/// The id and one column of a stored trial.
 async fn stored(file: &str, part: &str, of: &str) -> (String, Vec<u8>) {
     let query = format!("SELECT trial_id, {part} FROM trial WHERE {of} LIMIT 1");
     let db = behind(&format!("sqlite:{file}"));
@@ -86,8 +86,9 @@ fn noise(at: usize) -> u8 {
     Sha256::digest(at.to_le_bytes())[0]
 }
 
-/// Salvages a file and checks the promises: every trial is saved unchanged or named; the new
-/// database is sound and the file unchanged. Returns the output, and the lost trials.
+/// Salvages a file and checks the guarantees: every trial is either saved unchanged or named, the
+/// new database is sound, and the damaged file does not change. Returns the output and the lost
+/// trials.
 async fn salvaged(file: &str, before: &BTreeMap<String, String>) -> (Said, BTreeSet<String>) {
     let folder = Folder::default();
     let content = std::fs::read(file).unwrap();
@@ -120,7 +121,7 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
     let (_, none) = salvaged(&file, &before).await;
     assert!(none.is_empty(), "nothing is lost of a sound file");
 
-    // A leaf of the table, and bytes of an upload on an overflow page.
+    // Damage a leaf page of the table, and an overflow page that contains bytes of an upload.
     let (imported, hash) = stored(&file, "content_hash", "content_version = 2").await;
     let leaf = page_of(&file, &hash);
     let (uploaded, states) = stored(&file, "substr(states, 1201, 64)", "content_version = 3").await;
@@ -129,7 +130,7 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
         for (name, byte) in [("zero.db", (|_| 0) as fn(usize) -> u8), ("noise.db", noise)] {
             let damaged = with_page(&file, name, page, byte);
             let (said, lost) = salvaged(&damaged, &before).await;
-            // A page has at most two such trials.
+            // At most two such trials share a page.
             assert!(
                 lost.contains(trial) && lost.len() <= 2 && names_all(&said, &lost),
                 "{}",
@@ -138,7 +139,7 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
             assert_eq!(said.err.lines().count(), lost.len() + 1, "{}", said.err);
         }
     }
-    // One byte of a trial changed: it can be read, but differs from what was stored.
+    // One bit of a trial changed. The trial is readable, but differs from what was stored.
     let content = std::fs::read(&file).unwrap();
     let at = content.windows(states.len()).position(|window| window == states).unwrap() % PAGE;
     let flipped = with_page(&file, "flipped.db", rest, |place| {
@@ -148,14 +149,14 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
     assert!(lost.len() == 1 && lost.contains(&uploaded), "{lost:?}");
     assert!(said.err.contains("not sound: the content is not that of its hash"), "{}", said.err);
 
-    // Also into a database of the other kind; counts of the trial are recomputed.
+    // Salvage also works into a database of the other kind. The counts of trials are recomputed.
     let other = new_postgres_database().await.unwrap_or_else(|| folder.database("other.db"));
     let salvage = ["salvage", "--from", &flipped, "--database", &other];
     assert_eq!(run(&salvage).await.code, Some(1));
     let sound = run(&["check", "--database", &other]).await.json();
     assert_eq!(sound["trials"], before.len() - 1);
 
-    // Without an index, rows are found through their table, and nothing is lost.
+    // If an index is lost, rows are found through their table, and no trial is lost.
     for index in
         ["sqlite_autoindex_trial_1", "sqlite_autoindex_scene_2", "sqlite_autoindex_participant_1"]
     {
@@ -163,8 +164,8 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
         let (said, lost) = salvaged(&damaged, &before).await;
         assert!(said.code == Some(0) && lost.is_empty(), "{index}: {}", said.err);
     }
-    // Without the root page of a table, or the first page of the file, all rows are still there,
-    // and the identity and version of the database can be restored.
+    // If the root page of a table or the first page of the file is lost, all rows still exist, and
+    // the identity and version of the database can be restored.
     let mut pages = vec![0];
     for table in ["trial", "scene", "mark", "_sqlx_migrations"] {
         pages.push(root_of(&file, table).await);
@@ -176,7 +177,7 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
             assert!(lost.is_empty(), "page {page}: {}", said.err);
         }
     }
-    // The schema, which is the same in every database of this version, can be restored.
+    // The schema is the same in every database of this version, so it can be restored.
     let words = b"CREATE INDEX trial_of_study";
     let place = content.windows(words.len()).position(|window| window == words).unwrap();
     let damaged = with_page(&file, "words.db", place / PAGE, |at| {
@@ -184,7 +185,7 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
     });
     let (said, lost) = salvaged(&damaged, &before).await;
     assert!(said.code == Some(0) && lost.is_empty(), "{}", said.err);
-    // Tables whose definitions are lost are put back over their surviving rows.
+    // Tables whose definitions are lost are restored over their surviving rows.
     for page in schema_leaves(&file) {
         let damaged = with_page(&file, "schema.db", page, |_| 0);
         let (said, lost) = salvaged(&damaged, &before).await;
@@ -202,18 +203,18 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
         without_loss += usize::from(lost.is_empty());
     }
     assert!(without_loss > 4, "{without_loss}");
-    // The last version of a study is identical to its row.
+    // A row of `study` equals the study's last version, so it can be restored.
     let damaged = with_page(&file, "study.db", root_of(&file, "study").await, |_| 0);
     let (said, lost) = salvaged(&damaged, &before).await;
     assert!(lost.is_empty() && said.code == Some(0), "{}", said.err);
-    // Without participants, trials have no owner, and without the parameters of a study they cannot
-    // be replayed; all are named.
+    // Without participants, trials have no owner. Without the parameters of a study, its trials
+    // cannot be replayed. All these trials are named.
     for table in ["participant", "study_config"] {
         let damaged = with_page(&file, "people.db", root_of(&file, table).await, |_| 0);
         let (said, lost) = salvaged(&damaged, &before).await;
         assert!(lost.len() == before.len() && names_all(&said, &lost), "{table}");
     }
-    // A truncated file.
+    // A truncated file loses only some of the trials.
     let short = folder.file("short.db", &content[..content.len() * 9 / 10 / PAGE * PAGE - 7]);
     let (said, lost) = salvaged(&short, &before).await;
     assert!(said.code == Some(1) && lost.len() < before.len() / 2, "{}: {}", lost.len(), said.err);
@@ -242,18 +243,19 @@ async fn a_check_goes_on_after_damage_and_says_what_to_do() {
         line.starts_with("trial, ") && line.contains(&format!("page {page}"))
     };
     assert!(report["damage"].as_array().unwrap().iter().any(place), "{report}");
-    // Other commands tell the user what to do.
+    // Other commands also tell the user what to do.
     let out = folder.name("backup.db");
     let backup = run(&["backup", "--database", &database, "--out", &out]).await;
     backup.refused(1, &["damaged", "sidestep check", "sidestep restore", "sidestep salvage"]);
-    // An export has everything that can be read.
+    // An export contains everything that can be read.
     let out = folder.name("export");
     let export = ["export", "--database", &database, "--study", "imported", "--out", &out];
     let export = run(&export).await;
     assert!(export.code == Some(1) && export.err.contains(&trial), "{}", export.err);
 }
 
-/// A byte of the id that joins a trial and its scene, in the rows and indexes that contain it.
+/// Flips a bit of the id that joins a trial and its scene, in each row and index that contains the
+/// id.
 #[tokio::test]
 async fn a_trial_that_damage_hides_is_counted() {
     let folder = Folder::default();
@@ -305,7 +307,7 @@ async fn what_cannot_be_salvaged_is_refused() {
         let said = run(&["salvage", "--from", from, "--database", &to]).await;
         said.refused(2, &["--from", "cannot read", words]);
     }
-    // Pages that a server has not checkpointed yet are in the log.
+    // Pages that the server has not yet checkpointed are in the write-ahead log.
     let server = Server::on_a_file(SHORT_STUDY).await;
     Driver::enrol(&server).await.drive(&server, 3).await;
     let file = server.path("sidestep.db").display().to_string();

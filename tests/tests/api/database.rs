@@ -1,4 +1,4 @@
-//! Databases of other versions, and persistent identities.
+//! Databases of other versions, and identities that persist.
 
 use reqwest::Method;
 use serde_json::{Value, json};
@@ -20,7 +20,8 @@ fn facts() -> Value {
     serde_json::from_slice(&std::fs::read(old("facts.json")).unwrap()).unwrap()
 }
 
-/// A participant of the old database as their browser knows them, and further facts.
+/// A participant of the old database with the data that the browser keeps, and further facts about
+/// the participant.
 fn known(name: &str) -> (Driver, Value) {
     let facts = facts()["participants"][name].clone();
     let enrolled = Enrolled {
@@ -59,7 +60,7 @@ async fn a_postgresql_database_of_the_version_before_goes_on() {
     goes_on_with_all(Server::on(url, Some(SHORT_STUDY)).await).await;
 }
 
-/// Opens the old database, checks its content against its README, and continues with it.
+/// Checks the content of the old database against its README, and continues with it.
 async fn goes_on_with_all(server: Server) {
     // Earlier versions did not number the configurations of a study.
     for slug in ["first", "second", "default"] {
@@ -74,7 +75,7 @@ async fn goes_on_with_all(server: Server) {
     let old_facts = facts();
     let (incomplete, known_of_them) = known("incomplete");
 
-    // The same upload again is accepted as identical, and a different one is refused.
+    // If the same upload is repeated, it is accepted as identical. A different upload is refused.
     let me: Progress = incomplete.me(&server).await.into(200);
     assert_eq!(json!(me.stored), known_of_them["stored"]);
     let route = routes::my_trial(&me.stored[1]);
@@ -86,7 +87,7 @@ async fn goes_on_with_all(server: Server) {
     send(&upload).await.problem(409, "different_content", None);
     assert_eq!(server.export("first").await, exported);
 
-    // Participants continue and return; new ones enrol.
+    // Participants can continue and return, and new ones can enrol.
     goes_on(&server, &incomplete, &SceneParameters::default()).await;
     let mut faster = SceneParameters::default();
     for vehicle in [&mut faster.human, &mut faster.robot] {
@@ -125,7 +126,7 @@ async fn goes_on_with_all(server: Server) {
     }
     assert_eq!(detail.files.len(), 13);
 
-    // Every row is unchanged in the migrated database.
+    // `check` replays every trial of the migrated database and finds nothing wrong.
     let report = run(&["check", "--database", &server.database()]).await.json();
     assert_eq!(report["wrong"], json!([]));
     assert_eq!((&report["damage"], &report["trials"]), (&json!([]), &json!(21)));
@@ -154,7 +155,8 @@ async fn a_configuration_is_known_by_what_was_stored() {
     let server = Server::on_a_file(SHORT_STUDY).await;
     let database = server.database();
     let stopped = server.stop().await;
-    // Without a field that this version writes, and in another order: as if the field were new.
+    // The stored configuration lacks a field that this version writes, and has another order, as if
+    // the field were new.
     let otherwise = r#"{ "title": "Short", "slug": "default",
         "phases": [{ "phase": "task", "scenes": 2 }],
         "parameters": { "steps": 50, "step_s": 0.2, "danger_radius_m": 3.0,
@@ -212,7 +214,8 @@ async fn numbers_are_never_used_twice() {
     assert_eq!(highest("trial").await, before + 1);
 }
 
-/// A refused database stays unchanged to the last byte; the line gives the reason.
+/// Checks that commands reject a database after this change and give the reason, and that the file
+/// stays unchanged to the last byte.
 async fn is_refused(change: &str, words: &[&str]) {
     let folder = Folder::default();
     let file = folder.path("sidestep.db");
@@ -238,7 +241,7 @@ async fn what_cannot_be_used_stays_as_it_was() {
     let other = "UPDATE _sqlx_migrations SET checksum = x'00' WHERE version = 2";
     is_refused(other, &["migration 2", "another build"]).await;
     is_refused("DROP TABLE _sqlx_migrations", &["another program"]).await;
-    // The fourth migration fails half-way: its first statements are rolled back.
+    // The fourth migration fails half-way, and its first statements are rolled back.
     let in_the_way = "CREATE TABLE new_analysis (x)";
     is_refused(in_the_way, &["migration 4 failed", "nothing was changed"]).await;
 }
@@ -266,7 +269,7 @@ async fn reading_changes_no_file_of_an_older_version() {
         let about = file.unwrap().metadata().unwrap();
         assert_eq!(std::os::unix::fs::PermissionsExt::mode(&about.permissions()) & 0o777, 0o600);
     }
-    // Files left by a killed command are deleted by the next one.
+    // Files that a killed command left are deleted by the next command.
     let left_behind = folder.path(".sidestep-copy-killed");
     std::fs::create_dir(&left_behind).unwrap();
     std::fs::write(left_behind.join("copy.db"), b"external ids").unwrap();
@@ -274,7 +277,7 @@ async fn reading_changes_no_file_of_an_older_version() {
     let left = std::fs::read_dir(folder.root()).unwrap().map(|it| it.unwrap().file_name());
     let is_left = |name: &str| name.starts_with('.') || name.starts_with("sidestep.db-");
     assert!(left.into_iter().all(|name| !is_left(&name.to_string_lossy())));
-    // A program of that version is serving it: it must not be migrated meanwhile.
+    // While another program serves the database, it must not be migrated.
     let served = std::fs::File::open(&file).unwrap();
     served.lock().unwrap();
     let site = folder.name("site");
@@ -291,7 +294,7 @@ async fn reading_changes_no_file_of_an_older_version() {
     assert!(std::fs::read(&file).unwrap() != before, "it is migrated");
 }
 
-/// One line with instructions, and exit code 1.
+/// Each error is one line with instructions, and the exit code is 1.
 #[tokio::test]
 #[ignore = "needs PostgreSQL"]
 async fn a_postgresql_database_that_cannot_be_used_says_what_to_do() {
@@ -322,7 +325,7 @@ async fn a_postgresql_database_that_cannot_be_used_says_what_to_do() {
     admin.execute(&asks("4")).await.unwrap();
     Server::on(url.clone(), Some(SHORT_STUDY)).await.stop().await;
 
-    // A user who may only read.
+    // A user with read-only access.
     let reader = format!("reader_{name}");
     let grants = format!(
         "CREATE ROLE {reader} LOGIN; GRANT USAGE ON SCHEMA public TO {reader}; \
@@ -345,7 +348,7 @@ async fn a_postgresql_database_that_cannot_be_used_says_what_to_do() {
     admin.execute(&format!("REVOKE INSERT ON trial FROM {reader}")).await.unwrap();
     let told = server.get("/readyz").await;
     assert!(told.problem(503, "not_ready", None).contains("must not write to trial"));
-    // A database with hidden content is not mistaken for a new one.
+    // A database whose content is hidden is not mistaken for a new one.
     for (hide, show) in [
         ("ALTER TABLE trial RENAME TO hidden", "ALTER TABLE hidden RENAME TO trial"),
         ("REVOKE USAGE ON SCHEMA public FROM PUBLIC", "GRANT USAGE ON SCHEMA public TO PUBLIC"),
@@ -362,7 +365,7 @@ async fn a_postgresql_database_that_cannot_be_used_says_what_to_do() {
     }
     server.stop().await;
 
-    // Reading does not migrate.
+    // Commands that only read do not migrate.
     let old = new().await;
     let dump = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/old-postgres/schema-2.sql");
     behind(&old).execute(&std::fs::read_to_string(dump).unwrap()).await.unwrap();
@@ -384,13 +387,14 @@ async fn an_enrolment_repeated_after_a_lost_answer_is_one_participant() {
         assert_eq!(again.participant_id, enrolled[0].participant_id);
         assert_eq!(again.plan, enrolled[0].plan);
     }
-    // Each token is valid, whichever response arrived.
+    // The tokens of all responses are valid, because any of the responses may be the one that
+    // arrives.
     let driver = Driver { enrolled: enrolled[7].clone() };
     let (trial_id, scene) = driver.scenes()[0].clone();
     assert_eq!(driver.send(&server, &trial_id, &driven(&scene)).await.status, 201);
     let other = json!({ "consent": true, "request_id": "3f0e2d6c-7a44-4c3e-9b1e-000000000002" });
     assert_eq!(Driver::ask(&server, other).await.status, 201);
-    // The same request id for another person is another request.
+    // The same request id with another external id is another request.
     for (person, status) in [("alice", 201), ("bob", 201), ("alice", 200)] {
         let mut body = body.clone();
         body["external_id"] = person.into();

@@ -1,5 +1,5 @@
-//! `sidestep serve --demo`: the study that it fills, marked as synthetic everywhere, and how an
-//! interrupted fill is resumed.
+//! `sidestep serve --demo`: the study that it fills, its mark as synthetic everywhere, and the
+//! continuation after an interruption.
 
 use serde_json::{Value, json};
 use sidestep::api::{
@@ -11,10 +11,11 @@ use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Address, Answer, Driver, Folder, Process, Server, behind, run};
 use std::time::Duration;
 
-/// Long enough for any machine.
+/// Timeout for filling the study, long enough for any machine.
 const PATIENCE: Duration = Duration::from_secs(600);
 
-/// A server with the demonstration, filled; its analysis may still be running.
+/// Starts a server with the demonstration and waits until it is filled. Its analysis may still be
+/// running.
 async fn filled() -> Server {
     let server = Server::with_study_and("", |args| {
         args.demo = true;
@@ -95,7 +96,7 @@ async fn a_demonstration_is_marked_as_synthetic_and_takes_no_people() {
     let info: StudyInfo = server.get(&routes::study("demo")).await.into(200);
     assert_eq!(serde_json::to_value(info.admission).unwrap(), "closed");
     assert!(!server.admin_text("/").await.contains("/s/demo"));
-    // Nor when someone opens it.
+    // People are not admitted even if someone opens the study.
     let route = routes::admin_status("demo");
     let request = server.request(reqwest::Method::PUT, &route).bearer_auth(&server.key);
     let opened: Configuration =
@@ -105,7 +106,7 @@ async fn a_demonstration_is_marked_as_synthetic_and_takes_no_people() {
     assert!(refused.problem(403, "closed", None).contains("synthetic"));
     let pilot = json!({"consent": true, "pilot": true});
     assert_eq!(Driver::ask_in(&server, "demo", pilot).await.status, 201);
-    // A synthetic study stays synthetic.
+    // A synthetic study cannot become a study of people.
     let people = opened.toml.replace("synthetic = true", "synthetic = false");
     let body = json!({"toml": people, "base": opened.hash});
     let route = routes::admin_configuration("demo");
@@ -117,10 +118,11 @@ async fn a_demonstration_is_marked_as_synthetic_and_takes_no_people() {
     assert_eq!(checked.body["complaint"]["field"], "synthetic", "{}", checked.body);
 }
 
-/// A participant's number, the index of a scene, the driven states, and whether they completed.
+/// A participant's number, the index of a scene, the stored states of the trial, and whether the
+/// participant completed the study.
 type Driven = (i64, i64, Vec<u8>, bool);
 
-/// Asserts that people, scenes and drives are the same.
+/// Asserts that participants, scenes and states are the same.
 fn assert_same(found: &[Driven], expected: &[Driven]) {
     let other = found.iter().zip(expected).find(|(found, expected)| found != expected);
     let head = |it: &Driven| (it.0, it.1, it.2.len(), it.3);
@@ -128,7 +130,7 @@ fn assert_same(found: &[Driven], expected: &[Driven]) {
     assert_eq!((found.len(), other), (expected.len(), None), "participant, scene, bytes, complete");
 }
 
-/// Everyone's drives and progress.
+/// All stored trials, each with the progress of its participant.
 async fn drives(folder: &Folder) -> Vec<Driven> {
     let query = "SELECT participant.number, scene.ordinal, trial.states, completed_at_ms IS NOT NULL \
                  FROM trial JOIN scene ON scene.trial_id = trial.trial_id \
@@ -162,7 +164,7 @@ async fn a_demonstration_that_was_killed_goes_on_and_is_the_same() {
     server.kill().await;
     let expected = drives(&whole).await;
 
-    // While people drive, and after some have withdrawn or were screened out.
+    // Kill the server while participants drive, and after some have withdrawn or were screened out.
     for trials in [50, 200] {
         let server = Process::start_demo(&broken).await;
         until_status(&server, &broken, |stored, _| stored >= trials).await;
@@ -181,7 +183,7 @@ async fn a_demonstration_that_was_killed_goes_on_and_is_the_same() {
     };
     assert_eq!(counts().await, [12, 4, 1, 1]);
 
-    // Once it is closed, a start adds nothing and does not mention filling.
+    // When the study is closed, another start adds nothing and does not announce filling.
     let server = Process::start_demo(&broken).await;
     assert!(!server.announcement.concat().contains("being filled"));
     server.kill().await;

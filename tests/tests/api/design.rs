@@ -1,4 +1,4 @@
-//! design: the scenes of a study before anyone is invited, and invalid input.
+//! `design`: a preview of the scenes of a study, and invalid input.
 
 use sidestep_tests::folder::{Row, number, rows};
 use sidestep_tests::process::Said;
@@ -20,7 +20,7 @@ async fn every_stratum_and_every_scene_is_listed() {
     assert_eq!(said.err.lines().count(), 2, "one sentence for each phase: {}", said.err);
     assert!(said.err.contains("of 100 scenes") && !said.err.contains("warning"), "{}", said.err);
     let line = said.json();
-    // One block of ten tasks.
+    // There is one block of ten tasks.
     assert_eq!(line["participants"], 10);
     for file in line["files"].as_array().unwrap() {
         assert!(out.join(file.as_str().unwrap()).is_file(), "{file}");
@@ -66,7 +66,7 @@ async fn every_stratum_and_every_scene_is_listed() {
             let value = number(scene, value);
             assert!(low - 1e-9 <= value && value <= high + 1e-9, "{scene:?}");
         }
-        // Sampled every 0.01 s, the closest approach is the miss distance.
+        // `closest_m` is sampled every 0.01 s, so it is at least the miss distance.
         let closest = number(scene, "closest_m");
         assert!(closest <= 3.0 && closest >= number(scene, "miss_m").abs() - 1e-9, "{scene:?}");
         if scene["phase"] == "task" {
@@ -79,7 +79,7 @@ async fn every_stratum_and_every_scene_is_listed() {
     let svg = std::fs::read_to_string(out.join("design.svg")).unwrap();
     assert!(svg.starts_with("<svg") && svg.contains("10 participants"));
 
-    // The same study has the same scenes; another seed gives others.
+    // The same seed gives the same scenes, and another seed gives other scenes.
     design(&study, &folder.name("again"), &["--participants", "2"]).await.json();
     assert_eq!(rows(folder.path("again/scenes.csv")), scenes[..26]);
     let study = folder.file("other.toml", format!("seed = 1\n{text}"));

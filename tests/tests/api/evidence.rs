@@ -1,4 +1,4 @@
-//! Data recorded by a participant's computer are stored and flagged, whatever they contain.
+//! Data that a participant's computer records are stored and flagged, whatever they contain.
 
 use reqwest::Method;
 use serde_json::{Value, json};
@@ -6,7 +6,7 @@ use sidestep::api::{Completed, KeyEvent, TrialStored, TrialUpload, routes};
 use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Answer, Driver, Folder, Server, behind, driven, run};
 
-/// Sends a body unchanged.
+/// Sends a body byte for byte.
 async fn send(server: &Server, driver: &Driver, route: &str, body: String) -> Answer {
     let request = driver.request(server, Method::PUT, route);
     Answer::of(request.header("content-type", "application/json").body(body)).await
@@ -62,8 +62,8 @@ async fn trials_of_odd_computers_are_stored_and_flagged() {
         said.code == Some(0)
     };
     assert!(checked(&server.database()).await);
-    // A trial of an earlier version lacks the flags that came later, and is valid; others are
-    // damaged.
+    // A trial of an earlier version may lack flags that were added later, and is valid. A trial
+    // with wrong flags is damaged.
     let change = async |flags: &str| {
         let change =
             format!("UPDATE trial SET flags = '{flags}' WHERE trial_id = '{}'", scenes[0].0);
@@ -117,15 +117,15 @@ async fn characters_that_no_file_can_hold_are_replaced_and_flagged() {
         let trial = serde_json::to_value(driven(&scene)).unwrap();
         assert_eq!(driver.put(&server, &routes::my_trial(&id), &trial).await.status, 201);
     }
-    // A surrogate pair stays; a single surrogate, NUL and other control characters are removed;
-    // line ends stay.
+    // A surrogate pair and line ends are kept. A lone surrogate, NUL and other control characters
+    // are replaced.
     let answers = r#"{"answers":{"words":"\ud83d\ude00\ud83d\u0000\u001b\na"}}"#.to_owned();
     assert_eq!(send(&server, &driver, routes::ANSWERS, answers).await.status, 204);
     let _: Completed = driver.complete(&server).await.into(200);
     let query = "SELECT answers FROM participant";
     let stored: String = behind(&server.database()).row(query, |row| row.get(0)).await.unwrap();
     assert_eq!(stored, "{\"words\":\"😀\u{fffd}\u{fffd}\u{fffd}\\na\"}");
-    // Still refused: texts that are too long, and invalid JSON.
+    // Texts that are too long and invalid JSON are still rejected.
     let long = format!(r#"{{"answers":{{"words":"{}"}}}}"#, "\\ud800".repeat(10));
     let refused = send(&server, &driver, routes::ANSWERS, long).await;
     refused.problem(422, "invalid", Some("answers.words"));

@@ -1,16 +1,16 @@
-//! The examples that load an export, with the real packages.
+//! The examples that load an export, run with the real packages.
 
 use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Driver, Folder, Server, run};
 use std::path::Path;
 use tokio::process::Command;
 
-/// Output of the example for a folder: stdout on success, otherwise stderr.
+/// Runs the example on a folder. Returns stdout if it succeeds, and stderr otherwise.
 async fn load(folder: &str, package: &str) -> Result<String, String> {
     let python = std::env::var_os("SIDESTEP_READERS");
     let python = python.expect("SIDESTEP_READERS: run the tests with `cargo xtask test`");
     let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/load_export.py");
-    // Warnings are errors in the example.
+    // The option makes Python's warnings errors.
     let mut command = Command::new(python);
     command.arg("-Werror").arg(example).args([folder, package]);
     let said = command.output().await.unwrap();
@@ -35,11 +35,11 @@ async fn pandas_polars_and_pyarrow_read_what_was_driven() {
             summaries.push(said.unwrap_or_else(|why| panic!("{package}, {format}: {why}")));
         }
     }
-    // Five trials: familiarisation, practice and three tasks.
+    // Each participant's five trials are one familiarisation, one practice trial and three tasks.
     assert!(summaries[0].starts_with("2 participants, 4 tasks, 400 steps\n"), "{}", summaries[0]);
     assert!(summaries.iter().all(|said| said == &summaries[0]), "{summaries:#?}");
 
-    // An incomplete export is refused.
+    // The example rejects an incomplete export.
     let out = folder.name("csv");
     let steps = folder.text("csv/steps.csv");
     std::fs::write(folder.path("csv/steps.csv"), &steps[..steps.len() / 2]).unwrap();

@@ -1,4 +1,4 @@
-//! Exports as Psych-DS and SQLite, and as archives over HTTP.
+//! Exports in all formats, and exports as archives over HTTP.
 
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -15,7 +15,7 @@ use std::path::Path;
 
 const FORMATS: [&str; 5] = ["csv", "jsonl", "parquet", "psych-ds", "sqlite"];
 
-/// A study with two people, one of whom pressed a key whose name is a formula.
+/// A study with two participants. One of them pressed a key whose name is a spreadsheet formula.
 async fn study() -> Server {
     let server = Server::with_study(SHORT_STUDY).await;
     let (ada, bob) = (Driver::enrol(&server).await, Driver::enrol(&server).await);
@@ -34,7 +34,7 @@ async fn export(server: &Server, format: &str, out: &str, more: &[&str]) {
     run(&[&args[..], more].concat()).await.json();
 }
 
-/// All files below a folder by path, with slashes.
+/// The content of all files in a folder and its subfolders, by path with forward slashes.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut found = BTreeMap::new();
     let mut folders = vec![folder.to_owned()];
@@ -69,7 +69,7 @@ fn variables(metadata: &Value) -> Vec<String> {
         .collect()
 }
 
-/// The rules of the standard's validator that can apply to an export.
+/// Checks the rules of the standard's validator that can apply to an export.
 #[tokio::test]
 async fn psych_ds_is_what_its_validator_wants() {
     let server = study().await;
@@ -90,7 +90,7 @@ async fn psych_ds_is_what_its_validator_wants() {
     ] {
         let name = format!("data/study-default_description-{keyword}_data");
         let file = &found[&format!("{name}.csv")];
-        // The table is the same in every other format.
+        // The table is the same as in the CSV export.
         assert_eq!(file, &tables[&format!("{table}.csv")]);
         let mut reader = csv::Reader::from_reader(&file[..]);
         let header: Vec<String> = reader.headers().unwrap().iter().map(str::to_owned).collect();
@@ -102,7 +102,7 @@ async fn psych_ds_is_what_its_validator_wants() {
     let listed = variables(&description);
     assert_eq!(listed.len(), columns.len(), "each once");
     assert_eq!(listed.into_iter().collect::<BTreeSet<_>>(), columns);
-    // The value of a keyword in a file name consists of letters and digits.
+    // In a file name, the value of a keyword consists of letters and digits.
     for path in found.keys().filter(|path| path.ends_with("_data.csv")) {
         let name = path.strip_prefix("data/").unwrap().strip_suffix("_data.csv").unwrap();
         for keyword in name.split('_') {
@@ -163,7 +163,7 @@ async fn sqlite_has_the_same_rows() {
                         let printed: f64 = record[place].parse().unwrap();
                         assert_eq!(printed.to_bits(), number.to_bits());
                     }
-                    // Only in CSV a formula gets a leading apostrophe.
+                    // Only CSV puts an apostrophe before a formula.
                     Cell::Text(text) => {
                         assert_eq!(
                             record[place].strip_prefix('\'').unwrap_or(&record[place]),
@@ -194,7 +194,7 @@ async fn sqlite_has_the_same_rows() {
     assert_eq!(std::fs::read(folder.path("again/study.sqlite")).unwrap(), first);
 }
 
-/// Status and content of the server's response to a request for an archive.
+/// The server's response to a request for an archive.
 struct Answer {
     status: u16,
     headers: reqwest::header::HeaderMap,
@@ -218,7 +218,7 @@ async fn archive(server: &Server, query: &str, headers: &[(&str, &str)]) -> Answ
     Answer { status, headers, body: response.bytes().await.unwrap().to_vec() }
 }
 
-/// The files of an archive, in order.
+/// The names and contents of the files in an archive, in order.
 fn unpacked(archive: &[u8]) -> Vec<(String, Vec<u8>)> {
     let mut archive = zip::ZipArchive::new(Cursor::new(archive)).unwrap();
     let count = archive.len();
@@ -261,7 +261,7 @@ async fn an_archive_has_the_files_of_the_command() {
             assert_eq!(found.into_iter().collect::<BTreeMap<_, _>>(), expected, "{out}");
         }
     }
-    // Without a format, the steps as one file, as in earlier versions.
+    // Without a format, the response is one file of steps, as in earlier versions.
     assert_eq!(server.export("default").await, folder.text("csv0/steps.csv"));
 }
 
@@ -273,7 +273,7 @@ async fn a_download_that_broke_off_goes_on() {
         let whole = archive(&server, &query, &[]).await;
         let (tag, length) = (whole.header("etag").to_owned(), whole.body.len());
         assert!(tag.starts_with('"') && whole.header("accept-ranges") == "bytes");
-        // A partial download is recognised: it is not a valid archive.
+        // A partial download is recognised, because it is not a valid archive.
         for part in [length - 1, length / 2] {
             assert!(zip::ZipArchive::new(Cursor::new(&whole.body[..part])).is_err());
         }
@@ -292,13 +292,13 @@ async fn a_download_that_broke_off_goes_on() {
         let known = archive(&server, &query, &[("if-none-match", &tag)]).await;
         assert_eq!((known.status, known.body.len()), (304, 0));
     }
-    // The length is computed even if no client has downloaded the whole archive.
+    // The length is also known if no client has downloaded the whole archive.
     let query = "format=csv&phase=practice";
     let end = archive(&server, query, &[("range", "bytes=-22")]).await;
     let whole = archive(&server, query, &[]).await;
     assert_eq!((end.status, &*end.body), (206, &whole.body[whole.body.len() - 22..]));
 
-    // Other data give another archive.
+    // When the data change, the archive changes.
     let tag = whole.header("etag").to_owned();
     Driver::enrol(&server).await;
     let other = archive(&server, query, &[("range", "bytes=5-"), ("if-range", &tag)]).await;
@@ -332,7 +332,7 @@ async fn wrong_filters_are_named() {
     }
 }
 
-/// A folder holds one export: files of two would look like one.
+/// A folder contains only one export, because the files of two exports would look like one export.
 #[tokio::test]
 async fn another_export_in_the_same_folder_is_replaced_or_left_alone() {
     let server = study().await;
@@ -357,7 +357,7 @@ async fn another_export_in_the_same_folder_is_replaced_or_left_alone() {
 async fn what_is_damaged_is_named_and_marked_and_the_rest_is_exported() {
     let server = study().await;
     let db = behind(&server.database());
-    // One character of one trial's record, and in another trial an unknown word.
+    // One character of one trial's record changes, and another trial gets an unknown flag.
     let of = async |number: i64, ordinal: i64| {
         let query = format!(
             "SELECT scene.trial_id FROM scene JOIN participant ON participant.id = participant_id \
@@ -410,7 +410,7 @@ async fn what_is_damaged_is_named_and_marked_and_the_rest_is_exported() {
     let [row] = damaged[..] else { panic!("{damaged:?}") };
     assert!(row["trial_id"] == changed && row["damage"].contains("hash"), "{row:?}");
     assert!(trials.len() == 6 && trials.iter().all(|row| row["trial_id"] != unreadable));
-    // Its number is not given to another trial.
+    // The number of the unreadable trial is not given to another trial.
     let numbers = trials.iter().filter(|row| row["participant"] == "1").map(|row| &*row["trial"]);
     assert_eq!(numbers.collect::<Vec<_>>(), ["0", "1", "2", "4"]);
     let steps = folder::rows(folder.path("csv/steps.csv"));
@@ -424,7 +424,7 @@ async fn what_is_damaged_is_named_and_marked_and_the_rest_is_exported() {
         folder::rows(folder.path("unflagged/trials.csv")).iter().all(|row| row["damaged"] == "0")
     );
 
-    // Steps as one file have no room to name missing trials: the download aborts.
+    // A file of steps alone cannot name missing trials, so the download aborts.
     let route = routes::exports("default");
     let all = server.request(reqwest::Method::GET, &route).bearer_auth(&server.key);
     let all = async { all.send().await?.bytes().await };
@@ -436,7 +436,7 @@ async fn what_is_damaged_is_named_and_marked_and_the_rest_is_exported() {
     let steps = server.export("default").await;
     assert_eq!(steps.lines().filter(|line| line.ends_with(",1")).count(), 50);
 
-    // A count that is too low hides no trial, and is told.
+    // A stored count that is too low hides no trial, and is reported.
     db.execute("UPDATE tally SET task = task - 1 WHERE number = 2").await.unwrap();
     let out = folder.name("counted");
     let counted = run(&["export", "--database", &database, "--out", &out]).await;

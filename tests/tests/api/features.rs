@@ -1,4 +1,4 @@
-//! features: the inputs of predictors, in a file.
+//! `features`: writes the inputs of predictors to a file.
 
 use serde_json::json;
 use sidestep_tests::folder::{Row, data, number, rows};
@@ -11,7 +11,7 @@ async fn features(trials: &str, flags: &[&str], out: &str) -> Said {
     run(&[&args[..], flags].concat()).await
 }
 
-/// Rounding error of a printed number: half of its last digit.
+/// Rounding error of a printed number: half a unit of its last digit.
 fn half_a_digit(printed: &str) -> f64 {
     let (digits, exponent) = printed.split_once('e').unwrap_or((printed, "0"));
     let places = digits.split_once('.').map_or(0, |(_, fraction)| fraction.len());
@@ -26,7 +26,7 @@ async fn every_row_is_the_references() {
     let folder = Folder::default();
     let out = folder.name("features.csv");
     let said = features(&data("trials.csv"), &[], &out).await.only_json();
-    // Their keys changed within steps, so most trials do not replay.
+    // In the reference's trials, keys changed within steps, so most trials do not replay.
     let expected = json!({
         "participants": 8, "trials": 400, "steps": 20_000, "file": out,
         "excluded": [], "flagged": {"replay_mismatch": 381},
@@ -54,7 +54,7 @@ async fn every_row_is_the_references() {
             ("avoid", "y2"),
         ] {
             let apart = (number(own, name) - number(reference, other)).abs();
-            // Slightly more than half a digit, because decimal fractions are inexact in binary.
+            // Slightly more than half a digit, because decimal fractions are not exact in binary.
             let allowed = half_a_digit(&reference[other]) + 1e-12;
             assert!(apart <= allowed, "{name}: {} for {}", own[name], reference[other]);
         }
@@ -63,8 +63,8 @@ async fn every_row_is_the_references() {
             assert!(number(own, name) <= number(own, "distance") - 3.0 + 1e-9);
         }
     }
-    // The reference's safety levels come from a grid, whose error is about 0.02 m, and more at the
-    // kink and outside.
+    // The reference's safety levels come from a grid. Their error is about 0.02 m, but larger at
+    // the kink and outside the grid.
     for off in &mut off {
         off.sort_by(f64::total_cmp);
         let share = |share: f64| off[(share * off.len() as f64) as usize];
@@ -72,7 +72,7 @@ async fn every_row_is_the_references() {
     }
 }
 
-/// One trial each of two people.
+/// The header, and one trial each of two participants.
 fn some_rows() -> Vec<String> {
     let text = fs::read_to_string(data("trials.csv")).unwrap();
     let wanted = |line: &&str| line.starts_with("0,0,") || line.starts_with("3,7,");
@@ -84,7 +84,7 @@ fn written(folder: &Folder, rows: &[String]) -> String {
     folder.file("trials.csv", rows.join("\n") + "\n")
 }
 
-/// The pursuer's pose in the evader's frame.
+/// The second pose in the frame of the first: the pursuer's pose in the evader's frame.
 fn relative(of: [f64; 3], other: [f64; 3]) -> [f64; 3] {
     let (sin, cos) = of[2].sin_cos();
     let (dx, dy) = (other[0] - of[0], other[1] - of[1]);
@@ -92,7 +92,7 @@ fn relative(of: [f64; 3], other: [f64; 3]) -> [f64; 3] {
     [cos * dx + sin * dy, cos * dy - sin * dx, turned - std::f64::consts::PI]
 }
 
-/// Compares with `sidestep value` at the same poses.
+/// The safety levels equal the output of `sidestep value` at the same poses.
 #[tokio::test]
 async fn safety_levels_are_those_of_the_game() {
     let folder = Folder::default();
@@ -156,14 +156,14 @@ async fn bad_input_is_named_and_writes_nothing() {
     for (flags, words) in [
         (["--radius", "-1"], "--radius"),
         (["--evader-speed", "fast"], "--evader-speed"),
-        // This vehicle does not have the inputs of the file.
+        // A vehicle with this turn rate cannot have the inputs in the file.
         (["--evader-turn-rate", "0.4"], "omega: expected -0.4, 0 or 0.4"),
     ] {
         features(&trials, &flags, &out).await.refused(2, &[words]);
     }
     features("nowhere.csv", &[], &out).await.refused(2, &["nowhere.csv: cannot read"]);
 
-    // Outputs that cannot be written: a folder, and a path below a file.
+    // Outputs that cannot be written: a folder, and a path inside a file.
     for place in [folder.root().display().to_string(), folder.name("features.csv/features.csv")] {
         features(&trials, &[], &place).await.refused(1, &["cannot write"]);
     }

@@ -1,4 +1,4 @@
-//! Export, import and check.
+//! `export`, `import` and `check`.
 
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -13,7 +13,7 @@ async fn import(database: &str, study: &str, file: &str) -> Said {
     run(&["import", "--database", database, "--study", study, "--trials", file]).await
 }
 
-/// The steps that the command exports into `folder`.
+/// Exports a study into `folder` and returns the table of steps.
 async fn export(database: &str, study: &str, folder: &Folder) -> String {
     let dir = folder.name("out");
     let args = ["export", "--database", database, "--study", study, "--format", "csv"];
@@ -21,7 +21,7 @@ async fn export(database: &str, study: &str, folder: &Folder) -> String {
     folder.text("out/steps.csv")
 }
 
-/// The columns of these names, row by row.
+/// The columns with these names, row by row.
 fn columns(file: &str, names: &[&str]) -> Vec<Vec<String>> {
     let mut reader = csv::Reader::from_reader(file.as_bytes());
     let header = reader.headers().unwrap().clone();
@@ -106,21 +106,21 @@ async fn an_export_imported_elsewhere_is_the_same_again() {
     assert_eq!(flags[249], ["replay_mismatch;late_sample;imported;interrupted"]);
     let report = run(&["check", "--database", &database]).await.json();
     assert_eq!(report["wrong"], json!([]));
-    // `check` counts like `import`.
+    // `check` reports the same counts as `import`.
     assert_eq!((&report["trials"], &report["flagged"]), (&5.into(), &1.into()));
 
-    // Importing twice changes nothing.
+    // A second import changes nothing.
     let twice = import(&database, "copy", &path).await;
     assert!(twice.err.contains("skipped"), "{}", twice.err);
     assert_eq!(twice.json()["skipped"], 1);
     assert_eq!(export(&database, "copy", &folder).await, again);
-    // In the database they came from, trials are recognised by their ids.
+    // In their original database, trials are recognised by their ids.
     let home = import(&server.database(), "default", &path).await;
     home.refused(2, &["line 2: trial_id"]);
     assert_eq!(server.export("default").await, file);
 }
 
-/// The steps of simulated people with trial ids, as in an export.
+/// The exported steps of simulated people. An export has trial ids.
 async fn exported(folder: &Folder, people: &str, tasks: &str) -> String {
     let (file, database) = (folder.name("simulated.csv"), folder.database("simulated.db"));
     let simulate = ["simulate", "--seed", "3", "--keys", "clock", "--out", &file];
@@ -185,7 +185,7 @@ async fn an_export_says_what_it_has() {
     let hash = &hash[r#"{"configuration": ""#.len()..][..64];
     assert_eq!(hash, hex::encode(Sha256::digest(study.strip_suffix('}').unwrap())));
 
-    // A partial export: trials keep their numbers.
+    // In a partial export, trials keep their numbers.
     let part = export("csv", &["--phase", "task", "--quality", "unflagged"]).await;
     let rows = |said: &Value, file: usize| said["files"][file]["rows"].as_u64().unwrap();
     assert_eq!([0, 1, 2, 3].map(|file| rows(&part, file)), [100, 2, 4, 1]);
@@ -203,7 +203,7 @@ async fn a_file_that_was_cut_off_is_refused() {
     let folder = Folder::default();
     let whole = exported(&folder, "2", "3").await;
     let (database, path) = (folder.database("copy.db"), folder.path("out/steps.csv"));
-    // The manifest beside it reveals what is missing.
+    // The manifest in the same folder reveals that a part is missing.
     for end in
         [whole.len() - 1, whole.len() / 2, whole.lines().take(151).map(|l| l.len() + 1).sum()]
     {
@@ -211,7 +211,7 @@ async fn a_file_that_was_cut_off_is_refused() {
         let said = import(&database, "default", &path.display().to_string()).await;
         said.refused(2, &["steps.csv: SHA-256: expected", "as manifest.json beside it says"]);
     }
-    // Without a manifest, incomplete trials and participants are noticed.
+    // Without a manifest, incomplete trials and participants are detected.
     let step = whole.len() / 300;
     for end in (1..20).map(|cut| whole.len() - cut * step - cut) {
         let file = folder.file("cut.csv", &whole[..end]);
@@ -221,7 +221,7 @@ async fn a_file_that_was_cut_off_is_refused() {
     std::fs::write(&path, &whole).unwrap();
     let done = import(&database, "default", &path.display().to_string()).await.json();
     assert_eq!((&done["participants"], &done["trials"]), (&json!(2), &json!(6)));
-    // The table of trials has no steps.
+    // The table of trials has no column for steps.
     let trials = import(&database, "default", &folder.name("out/trials.csv")).await;
     trials.refused(2, &["no column step", "steps.csv"]);
 }
@@ -240,13 +240,13 @@ async fn rows_in_any_order_are_the_same_trials() {
         done,
         json!({ "participants": 3, "trials": 12, "flagged": 0, "skipped": 0, "excluded": 0 })
     );
-    // An import in order gives the same result.
+    // The same rows in order give the same trials.
     let ordered = folder.file("ordered.csv", &whole);
     assert_eq!(import(&database, "default", &ordered).await.json()["skipped"], 3);
 }
 
-/// An export has the exclusions in its table of participants; no other file beside the steps is
-/// read.
+/// An export lists exclusions in its table of participants. Apart from the manifest and this table,
+/// import reads no other file in the folder of the steps.
 #[tokio::test]
 async fn whom_an_export_excludes_stays_excluded() {
     let folder = Folder::default();
@@ -291,8 +291,8 @@ async fn an_import_that_fails_after_a_part_takes_it_back() {
     let last = folder.file("last.csv", format!("{header}\n{}", &whole[begin..]));
     let database = folder.database("copy.db");
     import(&database, "one", &last).await.json();
-    // Six people are stored before the import finds that the trials of the last are in another
-    // study.
+    // Six participants are stored before the import finds that the trials of the last one are in
+    // another study.
     let all = folder.file("all.csv", format!("{header}\n{rows}"));
     import(&database, "two", &all).await.refused(2, &["all.csv: line 15002: trial_id"]);
     let two = ["export", "--database", &database, "--study", "two", "--out", "none"];
@@ -302,7 +302,7 @@ async fn an_import_that_fails_after_a_part_takes_it_back() {
     assert_eq!((&report["damage"], &report["wrong"]), (&json!([]), &json!([])));
 }
 
-/// A file of one trial that drives straight from the origin.
+/// The rows of one trial, in which the human drives straight from the origin.
 fn straight() -> Vec<Vec<String>> {
     let row = |step: usize| {
         let t = step as f64 * 0.2;
@@ -345,7 +345,7 @@ async fn files_that_are_none_name_their_line() {
         let said = import(&database, "default", &written(&folder, &header, &rows)).await;
         said.refused(2, &["given.csv", complaint]);
     }
-    // The last trial is invalid: the first one is not stored either.
+    // The last trial is invalid, so the first one is not stored either.
     let mut rows = straight();
     let mut second = straight();
     second.iter_mut().for_each(|row| row[1] = "1".to_owned());

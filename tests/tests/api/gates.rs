@@ -1,4 +1,4 @@
-//! Checks before every request: TLS, proxies, names, rate limits, and connection limits.
+//! Checks before every request: TLS, proxies, host names, rate limits and connection limits.
 
 use rcgen::{CertificateParams, KeyPair};
 use reqwest::{Method, Response};
@@ -17,8 +17,8 @@ use tokio_rustls::rustls::pki_types::{CertificateDer, ServerName};
 use tokio_rustls::rustls::{ClientConfig, RootCertStore, crypto::ring, version};
 use tokio_rustls::{TlsConnector, rustls};
 
-/// Writes `cert.pem` and `key.pem` of a self-signed certificate with this validity in days, and
-/// returns the certificate.
+/// Writes `cert.pem` and `key.pem` of a self-signed certificate that is valid from 1 January of
+/// `years.start` to 1 January of `years.end`. Returns the certificate.
 fn certificate(
     folder: &Folder,
     name: &str,
@@ -51,7 +51,7 @@ async fn encrypted(
     TlsConnector::from(Arc::new(config)).connect(name, stream).await
 }
 
-/// Sends a request and reads the whole response; the connection stays open.
+/// Sends a request and reads the whole response. The connection stays open.
 async fn ask(stream: &mut TlsStream<TcpStream>, head: &str, body: &str) -> String {
     let length = body.len();
     let request = format!(
@@ -94,7 +94,7 @@ async fn tls_with_a_certificate_that_is_renewed() {
         assert!(answer.contains("Max-Age=2592000; Secure"), "{answer}");
         assert!(answer.contains("strict-transport-security: max-age=31536000"), "{answer}");
     }
-    // Commands work too.
+    // Commands also work over TLS.
     let url = format!("https://localhost:{port}");
     let args =
         ["simulate", "--url", &url, "--study", "default", "--participants", "1", "--seed", "1"];
@@ -104,7 +104,7 @@ async fn tls_with_a_certificate_that_is_renewed() {
     assert_eq!(done["flags"], json!({}), "{done}");
     let unknown = run(&args).await;
     unknown.refused(1, &[&url, "no answer", "certificate"]);
-    // Without encryption there is no response.
+    // The server does not answer without encryption.
     let plain = server.request(Method::GET, "/healthz").send().await;
     assert!(plain.is_err());
 
@@ -121,7 +121,7 @@ async fn tls_with_a_certificate_that_is_renewed() {
     for stream in [&mut old, &mut new] {
         assert!(ask(stream, "GET /healthz", "").await.ends_with("ok\n"), "it stays open");
     }
-    // Invalid files change nothing.
+    // If the new files are invalid, the server keeps its certificate.
     folder.file("cert.pem", "nonsense");
     tokio::time::sleep(Duration::from_millis(1500)).await;
     assert!(encrypted(port, &renewed, &version::TLS13).await.is_ok());
@@ -199,7 +199,7 @@ async fn a_trusted_proxy_says_who_asks_and_how() {
     let plain = sign_in(&server.key, "192.0.2.7", "http").await;
     assert!(!plain.headers()["set-cookie"].to_str().unwrap().contains("Secure"));
     assert!(plain.headers().get("strict-transport-security").is_none());
-    // Only the address added by the proxy itself counts.
+    // Only the address that the proxy itself added counts.
     for i in 0..10 {
         let guess = sign_in("guess", &format!("198.51.100.{i}, 192.0.2.7"), "https").await;
         assert_eq!(guess.status(), 401);
@@ -233,7 +233,7 @@ async fn who_asks_too_fast_waits_and_others_do_not() {
         let request = server.request(Method::GET, routes::ME).bearer_auth(token);
         Answer::of(request.header("x-forwarded-for", from)).await
     };
-    // One token from many addresses, until it is rate-limited.
+    // One token is used from many addresses until it is rate-limited.
     let driver = Driver::enrol(&server).await;
     let token = &driver.enrolled.token;
     let mut refused = None;
@@ -251,7 +251,7 @@ async fn who_asks_too_fast_waits_and_others_do_not() {
     let other = Driver::enrol(&server).await;
     assert_eq!(get("198.51.0.1", &other.enrolled.token).await.status, 200);
 
-    // One address enrols, until it is rate-limited.
+    // One address enrols until it is rate-limited.
     let enrol = async |from: &str| {
         let request = server.request(Method::POST, &routes::participants("default"));
         Answer::of(request.header("x-forwarded-for", from).json(&json!({ "consent": false }))).await
@@ -272,7 +272,7 @@ async fn metrics_are_for_this_machine_and_for_keys() {
     Answer::of(get("192.0.2.7")).await.problem(401, "unauthorized", None);
     assert_eq!(Answer::of(get("192.0.2.7").bearer_auth(&server.key)).await.status, 200);
     let direct = Server::with_study(SHORT_STUDY).await;
-    // Invented methods do not fill the memory.
+    // Invented methods share one label, so they cannot fill the memory.
     for number in 0..3 {
         let method = Method::from_bytes(format!("BREW{number}").as_bytes()).unwrap();
         assert_eq!(Answer::of(direct.request(method, "/start")).await.status, 405);
@@ -282,7 +282,7 @@ async fn metrics_are_for_this_machine_and_for_keys() {
     let metrics = metrics.text().await.unwrap();
     let line = "sidestep_http_request_seconds_count{method=\"(other)\",route=\"/start\"} 3";
     assert!(metrics.contains(line) && !metrics.contains("BREW"), "{metrics}");
-    // An unconfigured proxy forwards for someone else.
+    // A request with this header may come through a proxy that is not configured as trusted.
     let through = direct.request(Method::GET, "/metrics").header("x-forwarded-for", "127.0.0.1");
     Answer::of(through).await.problem(401, "unauthorized", None);
 }
@@ -305,12 +305,12 @@ async fn a_key_that_was_chosen_and_its_hash() {
         let request = server.request(Method::POST, routes::SESSION).json(&json!({ "key": key }));
         request.send().await.unwrap()
     };
-    // The right key is accepted although someone guesses from the same address, even on its first
-    // use.
+    // The right key is accepted, even on its first use, although someone else guesses from the same
+    // address.
     for i in 0..20 {
         sign_in(&server, &format!("a guess with number {i}")).await;
     }
-    // The rate limit may have recovered one attempt meanwhile; the status is then 401.
+    // The rate limit may have recovered one attempt by now, and the status is then 401.
     let status = sign_in(&server, hash).await.status().as_u16();
     assert!([401, 429].contains(&status), "the hash opens nothing, found {status}");
     let right = sign_in(&server, KEY).await;
@@ -323,16 +323,16 @@ async fn a_key_that_was_chosen_and_its_hash() {
     assert_eq!(session(&server).await, 200);
     let server = server.restarted_with(Some(hash), |_| ()).await;
     assert_eq!(session(&server).await, 200, "the session outlives a restart");
-    // Another key ends the sessions of this one.
+    // If the key changes, the sessions of the old key end.
     let server = server.restarted_with(Some("another key that was chosen"), |_| ()).await;
     assert_eq!(session(&server).await, 401);
-    // PostgreSQL remembers the guesses above: a wrong key gets 429 for a while.
+    // In PostgreSQL, the guesses are remembered across a restart, so a wrong key gets 429 for a
+    // while.
     let status = sign_in(&server, KEY).await.status().as_u16();
     assert!([401, 429].contains(&status), "the old key opens nothing, found {status}");
 }
 
-/// As many idle connections as the system lets one test open, and half-sent bodies: everyone else
-/// is served as before.
+/// Many idle connections and half-sent bodies do not affect other clients.
 #[tokio::test]
 async fn idle_connections_and_half_bodies_take_nothing_from_others() {
     let server = Server::with_study(SHORT_STUDY).await;
@@ -350,7 +350,8 @@ async fn idle_connections_and_half_bodies_take_nothing_from_others() {
         " ".repeat(200_000)
     );
     for stream in idle.iter_mut().take(500) {
-        // The server closes some of them, because their total size is too large.
+        // The server closes some of these connections, because the total size of their bodies is
+        // too large.
         let _ = stream.write_all(half.as_bytes()).await;
     }
     let driver = Driver::enrol(&server).await;

@@ -1,4 +1,4 @@
-//! The output of `--help` is valid input.
+//! Values printed by `--help` are valid input.
 
 use sidestep_tests::run;
 
@@ -11,8 +11,8 @@ async fn commands() -> Vec<String> {
     names.filter(|name| *name != "help").map(str::to_owned).collect()
 }
 
-/// Every default is accepted as the help prints it: the command complains only about the flag after
-/// it.
+/// Every default is accepted exactly as the help prints it, so the command rejects only the flag
+/// that follows.
 #[tokio::test]
 async fn every_default_can_be_typed_as_it_is_printed() {
     let mut tried = 0;

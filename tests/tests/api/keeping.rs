@@ -7,7 +7,7 @@ use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Driver, Server, behind, run};
 use std::time::{Duration, Instant};
 
-/// Checks repeatedly, starting after a second.
+/// Checks the data every second, starting after 0.1 s.
 fn often(args: &mut ServeArgs) {
     args.keeping.first = Duration::from_millis(100);
     args.keeping.check_every = 1.0 / 3600.0;
@@ -53,7 +53,7 @@ async fn stored_data_are_checked_while_the_server_runs() {
 async fn a_backup_is_written_now_and_then_and_the_oldest_are_deleted() {
     let folder = tempfile::tempdir().unwrap();
     let backups = folder.path().to_owned();
-    // Its age is its modification time: now.
+    // The age of this file counts from its modification time, which is now.
     let another = backups.join("sidestep-20200101T000000Z-00000000.db");
     std::fs::write(&another, "that of another database").unwrap();
     let server = Server::with_study_and(SHORT_STUDY, often).await;
@@ -72,7 +72,7 @@ async fn a_backup_is_written_now_and_then_and_the_oldest_are_deleted() {
     let metrics = server.request(Method::GET, "/metrics").send().await.unwrap();
     let metrics = metrics.text().await.unwrap();
     assert!(metrics.contains("\nsidestep_backup_timestamp_seconds "), "{metrics}");
-    // The backups in the folder are known at the start, before there is a new one.
+    // At its start, the server already knows the backups in the folder.
     let server = server.stop().await.start_with(None, change).await;
     let known = until(&server, |it| it.backup.is_some()).await.backup.unwrap();
     assert!(known.name >= second.name, "{known:?}");

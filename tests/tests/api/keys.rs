@@ -32,7 +32,7 @@ async fn trail(server: &Server) -> Vec<(String, Action, Option<String>)> {
 async fn a_key_may_do_what_its_right_says() {
     let server = Server::with_study(SHORT_STUDY).await;
     let analyses = routes::admin_analyses("default");
-    // The access that each route needs, and the status with it.
+    // The access that each route needs, and the status of a request with this access.
     let table = [
         (Access::Read, Method::GET, routes::ADMIN_STUDIES.to_owned(), Value::Null, 200),
         (Access::Read, Method::GET, routes::admin_trials("default"), Value::Null, 200),
@@ -105,7 +105,7 @@ async fn a_key_that_only_reads_sees_no_external_id_and_no_code() {
     }
 }
 
-/// Requests in progress when their key is revoked change nothing afterwards.
+/// A request in progress when its key is revoked changes nothing afterwards.
 #[tokio::test]
 async fn nothing_outruns_a_revocation() {
     let server = Server::with_study(SHORT_STUDY).await;

@@ -1,4 +1,4 @@
-//! The experimenter's side.
+//! The laboratory: routes for experimenters and operators.
 
 use reqwest::Method;
 use serde_json::json;
@@ -34,7 +34,7 @@ async fn signing_in_and_out() {
     assert_eq!(out.status(), 204);
     let removed = out.headers()["set-cookie"].to_str().unwrap();
     assert!(removed.contains("Max-Age=0") && removed.contains("Path=/"), "{removed}");
-    // The old cookie is worthless to someone who kept it.
+    // After sign-out, a copy of the cookie is worthless.
     for route in [routes::SESSION, routes::ADMIN_STUDIES] {
         assert_eq!(Answer::of(with_cookie(Method::GET, route)).await.status, 401);
     }
@@ -222,7 +222,7 @@ async fn a_key_from_the_environment_is_the_only_one() {
     assert_eq!(Answer::of(with_made).await.status, 401);
 }
 
-/// Trials are in the order of participants, then of the plan; test runs are separate.
+/// Trials are ordered by participant and then by the plan. Test runs are separate.
 #[tokio::test]
 async fn a_trial_knows_the_trials_before_and_after_it() {
     let server = Server::with_study(SHORT_STUDY).await;

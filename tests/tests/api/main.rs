@@ -1,6 +1,6 @@
-//! Whole HTTP requests and whole commands against a server with its own database.
+//! Complete HTTP requests and commands, each against a server with its own database.
 
-// Helpers outside `#[test]` functions are tests too.
+// Clippy permits `unwrap` in `#[test]` functions. Helpers outside them are also test code.
 #![allow(clippy::unwrap_used)]
 
 mod analyze;

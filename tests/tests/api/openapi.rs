@@ -1,4 +1,4 @@
-//! The OpenAPI document against the server that it describes.
+//! The OpenAPI document, compared with the server that it describes.
 
 use jsonschema::Validator;
 use reqwest::{Method, RequestBuilder};
@@ -8,7 +8,7 @@ use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Answer, Driver, Server, driven};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A server's document.
+/// The document that a server returns.
 pub(crate) struct Document(Value);
 
 impl Document {
@@ -16,7 +16,7 @@ impl Document {
         Self(server.get(routes::OPENAPI).await.into(200))
     }
 
-    /// Methods and paths in the document.
+    /// The methods and paths in the document, with their descriptions.
     fn operations(&self) -> Vec<(Method, String, &Value)> {
         let paths = self.0["paths"].as_object().unwrap();
         let methods = paths.iter().flat_map(|(path, methods)| {
@@ -26,7 +26,7 @@ impl Document {
         methods.collect()
     }
 
-    /// A validator for the schema of a response that allows no other fields.
+    /// A validator for the body of a response, which allows no undocumented fields.
     pub(crate) fn validator(&self, method: &Method, path: &str, status: u16) -> Option<Validator> {
         let operation = &self.0["paths"][path][method.as_str().to_lowercase()];
         let answer = &operation["responses"][status.to_string()];
@@ -38,13 +38,14 @@ impl Document {
                 schema["unevaluatedProperties"] = false.into();
             }
         }
-        // The codes of a problem are listed beside its schema, of which they are one field.
+        // In addition to the schema of a problem, a response lists the possible values of its field
+        // `code`.
         let whole = json!({ "allOf": [body], "components": components });
         body.is_object().then(|| jsonschema::draft202012::new(&whole).unwrap())
     }
 }
 
-/// Checks responses, and records which ones it has seen.
+/// Checks responses, and records which responses it has seen.
 struct Checked<'a> {
     server: &'a Server,
     document: Document,
@@ -76,7 +77,7 @@ impl Checked<'_> {
         answer
     }
 
-    /// A request of an experimenter; `filled` are the path parameters.
+    /// Sends a request with an experimenter's key. `filled` are the path parameters.
     async fn admin(
         &mut self,
         method: Method,
@@ -114,7 +115,7 @@ async fn the_document_has_the_routes_of_the_server_and_no_others() {
     for (method, path, _) in document.operations() {
         methods.entry(path).or_default().insert(method.to_string());
     }
-    // The methods that the server reports for each path.
+    // Compare with the methods that the server reports for each path.
     for (path, documented) in &methods {
         let route = path.replace("{id}", "1").replace(['{', '}'], "");
         let request = server.request(Method::TRACE, &route);
@@ -124,7 +125,7 @@ async fn the_document_has_the_routes_of_the_server_and_no_others() {
         let allowed = allowed.split(',').map(|it| it.trim().to_owned()).filter(|it| it != "HEAD");
         assert_eq!(allowed.collect::<BTreeSet<_>>(), *documented, "{path}");
     }
-    // The list of routes that clients use.
+    // Compare with the list of routes that clients use.
     let list = include_str!("../../../shared/src/api/routes.rs");
     let listed: BTreeSet<_> = list.split('"').filter(|text| text.starts_with("/api/")).collect();
     assert!(listed.len() > 30, "{listed:?}");
@@ -200,7 +201,7 @@ async fn real_answers_are_as_the_document_says() {
     let mut it = Checked { server: &server, document, seen: BTreeSet::new() };
     let own = routes::ME;
 
-    // A participation, with the errors that can happen.
+    // A participation, with the errors that can occur.
     let study = "/api/v1/studies/{slug}";
     it.admin(GET, study, &[("slug", "default")], None).await;
     it.admin(GET, study, &[("slug", "none")], None).await.problem(404, "not_found", None);
@@ -320,7 +321,7 @@ async fn real_answers_are_as_the_document_says() {
     let asked = asked.into::<AnalysisSummary>(201).id;
     let analysis = [("id", asked.as_str())];
     let path = "/api/v1/admin/analyses/{id}";
-    // At once: the analysis of a small study is fast.
+    // Cancel at once, because the analysis of a small study is fast.
     it.admin(POST, &format!("{path}/cancel"), &analysis, None).await;
     it.admin(GET, path, &analysis, None).await;
     let models = format!("{path}/predictors");
@@ -335,7 +336,7 @@ async fn real_answers_are_as_the_document_says() {
     it.send(GET, own, own, me).await.problem(410, "withdrawn", None);
     it.admin(DELETE, person, &id, None).await;
 
-    // Every operation with a JSON body has succeeded, except two that need a long computation.
+    // Every operation with a JSON response has succeeded, except two that need a long computation.
     let excused = ["/api/v1/value-functions/{id}", "/api/v1/admin/analyses/{id}/files/{name}"];
     for (method, path, operation) in it.document.operations() {
         let statuses = operation["responses"].as_object().unwrap();

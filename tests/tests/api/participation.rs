@@ -1,4 +1,4 @@
-//! From enrolment to completion or withdrawal.
+//! Participation from enrolment to completion or withdrawal.
 
 use serde_json::{Value, json};
 use sidestep::api::{Completed, Enrolled, Progress, TrialStored, routes};
@@ -47,7 +47,7 @@ async fn the_same_again_is_welcome_and_something_else_is_not() {
     assert_eq!(driver.send(&server, &trial_id, &trial).await.status, 201);
     assert_eq!(driver.send(&server, &trial_id, &trial).await.status, 200);
 
-    // The same content in another form: fields in reverse order, more spaces.
+    // The same content in another form: fields in reverse order, and more spaces.
     let fields = serde_json::to_value(&trial).unwrap();
     let fields: Vec<String> = fields
         .as_object()
@@ -112,7 +112,8 @@ async fn a_known_external_id_resumes_and_both_tokens_work() {
     assert_eq!(again.participant_id, first.enrolled.participant_id);
     assert_eq!(again.plan, first.enrolled.plan);
     assert_ne!(again.token, first.enrolled.token);
-    // The second trial is still in the first computer's outbox, the third is driven on the second.
+    // The second trial is still in the outbox of the first computer. The third trial is driven on
+    // the second computer.
     let again = Driver { enrolled: again };
     let scenes = first.scenes();
     let send = async |driver: &Driver, i: usize| {
@@ -174,7 +175,7 @@ async fn withdrawal_keeps_or_deletes() {
     let bytes = std::fs::read(server.path("sidestep.db")).unwrap();
     let wal = std::fs::read(server.path("sidestep.db-wal")).unwrap();
     let count = |bytes: &[u8]| bytes.windows(6).filter(|w| w == b"leaver").count();
-    // Once in the table and once in its index, only for the new enrolment.
+    // The name occurs once in the table and once in its index, for the new enrolment only.
     assert!(count(&bytes) <= 2, "deleted names are overwritten");
     assert!(count(&bytes) + count(&wal) >= 1);
 }

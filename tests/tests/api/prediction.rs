@@ -1,4 +1,4 @@
-//! bounds and reach: output and errors.
+//! `bounds` and `reach`: their output and their errors.
 
 use serde_json::{Value, json};
 use sidestep_tests::process::{Said, binary};
@@ -6,7 +6,7 @@ use sidestep_tests::{Folder, run};
 use std::process::Stdio;
 use tokio::io::AsyncWriteExt;
 
-/// The output of a command for a document.
+/// Runs a command with a document as its input, and returns the output.
 async fn said_of(command: &str, document: &str) -> Said {
     let folder = Folder::default();
     run(&[command, "--input", &folder.file("given.json", document)]).await
@@ -16,7 +16,8 @@ async fn answer(command: &str, document: &Value) -> Value {
     said_of(command, &document.to_string()).await.only_json()
 }
 
-/// Checks that the document is refused with one line that names the file and contains these words.
+/// Checks that a command rejects the document with one line that names the file and contains these
+/// words.
 async fn refused(command: &str, document: &str, words: &str) {
     said_of(command, document).await.refused(2, &["given.json: ", words]);
 }
@@ -25,7 +26,7 @@ fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
 }
 
-/// The largest difference between two lists of numbers.
+/// The maximum absolute difference between corresponding numbers of two lists.
 fn apart(a: &Value, b: &Value) -> f64 {
     let (a, b) = (numbers(a), numbers(b));
     assert_eq!(a.len(), b.len());
@@ -58,7 +59,7 @@ async fn reach_answers_every_reference_case() {
         let found = answer("reach", &document).await;
         let found = &found["sets"][0];
         let id = &case["id"];
-        // The file's own tolerances.
+        // The tolerances that belong to the reference file.
         let share = match (case["zero_in_all"].as_bool().unwrap(), case["T"] == 25) {
             (true, _) => 1e-3,
             (false, true) => 1e-2,
@@ -68,9 +69,10 @@ async fn reach_answers_every_reference_case() {
             let area = expected["area"].as_f64().unwrap();
             let excess = found["area"].as_f64().unwrap() - area;
             let tolerance = 2e-4 + share * area;
-            // The reference of this case has chords for its rear, up to 1.4 mm behind the true one,
-            // where nothing is reachable (`shared/tests/reach/reference.rs` has it exactly). They
-            // are at most as long as two sides of the box.
+            // For this case, the reference approximates the rear boundary by chords. They lie up to
+            // 1.4 mm behind the true boundary, where nothing is reachable
+            // (`shared/tests/reach/reference.rs` has the exact boundary). The chords are at most as
+            // long as two sides of the box.
             let [x0, y0, x1, y1] = numbers(&expected["bbox"])[..] else { panic!("a box") };
             let chords = if id == 4 { 1.4e-3 * (x1 - x0 + y1 - y0) } else { 0.0 };
             assert!(
@@ -144,8 +146,8 @@ async fn conservative_polygons_are_a_little_larger() {
 
 #[tokio::test]
 async fn an_uncertain_start_reaches_more() {
-    // A fifth of a metre beyond the end of driving straight; straight ahead with a heading that is
-    // 0.4 rad off; and an unreachable state.
+    // Three states: 0.2 m beyond the end of driving straight, the end of driving straight with a
+    // heading that is 0.4 rad off, and an unreachable state.
     let mut document = reach();
     document["sets"][0]["queries"] = json!([
         { "step": 1, "state": [1.526, 2.288, 0.5] },
@@ -199,7 +201,7 @@ async fn reach_names_what_is_wrong() {
         ("/turn_rate", json!([0.5, -0.5]), "turn_rate: expected"),
         ("/turn_rate", json!([-90, 90]), "turn_rate: expected at most half a turn"),
         ("/speed", json!(0), "speed: expected a finite number > 0, found 0"),
-        // Beyond any picture, and beyond double precision.
+        // Values that are too large for any picture, or for double precision.
         ("/speed", json!(1e30), "speed: expected a speed that makes steps of 100 m"),
         ("/initial", json!([1e14, 0, 0]), "initial.x: expected a number from -1000000"),
         ("/initial", json!([0, 0, 1e25]), "initial.psi: expected a number from -1000000"),
@@ -276,7 +278,7 @@ async fn bounds_with_other_actions_an_adaptive_set_and_unequal_vehicles() {
     let found = answer("bounds", &document).await;
     assert_eq!(found["raw"], json!([[0.1, 0.4], [0.1, 0.4], [0.1, 0.4]]));
     assert_eq!(found["hi"][2], json!([0.8, 0.8, 0.8]));
-    // Only features that use value functions need vehicles that have one.
+    // Only features that use value functions need vehicles for which a value function exists.
     document["predictor"]["features"] = json!(["distance", "v_r"]);
     refused("bounds", &document.to_string(), "turn_rate: expected the same to both sides").await;
     // A constant predictor needs no features at all.
@@ -290,7 +292,8 @@ async fn bounds_with_other_actions_an_adaptive_set_and_unequal_vehicles() {
 
 #[tokio::test]
 async fn bounds_names_what_is_wrong() {
-    // Whether a person turns is not the direction.
+    // A model of whether a person turns does not predict the direction, so only experiment 1 is
+    // accepted.
     let whether = |experiment: u8| {
         let mut predictor = bounds()["predictor"].clone();
         predictor["experiment"] = json!(experiment);
@@ -330,7 +333,7 @@ async fn bounds_names_what_is_wrong() {
     }
 }
 
-/// The output of `bounds` for a document and, if given, a predictor.json beside it.
+/// The output of `bounds` for a document and, if given, a predictor in a file of its own.
 async fn bounds_with(document: &Value, predictor: Option<&Value>) -> Said {
     let folder = Folder::default();
     let given = folder.file("given.json", document.to_string());
@@ -340,7 +343,7 @@ async fn bounds_with(document: &Value, predictor: Option<&Value>) -> Said {
     run(&args).await
 }
 
-/// Splits a document into one without a predictor, and the predictor.
+/// Splits a document into the document without its predictor, and the predictor.
 fn parted(mut document: Value) -> (Value, Value) {
     let predictor = document.as_object_mut().unwrap().remove("predictor").unwrap();
     (document, predictor)
@@ -368,7 +371,7 @@ async fn there_is_one_predictor() {
     let one = "given.json: predictor: expected a predictor here or in --predictor FILE.json";
     refuses(&bounds(), Some(&predictor), &format!("{one}, found both")).await;
     refuses(&alone, None, &format!("{one}, found neither")).await;
-    // Errors in the predictor name its own file.
+    // Errors in the predictor name the predictor's file.
     let with = |name: &str, value: Value| {
         let mut predictor = predictor.clone();
         predictor[name] = value;
@@ -387,7 +390,7 @@ async fn there_is_one_predictor() {
     let mut document = alone.clone();
     document["speed"] = json!(-2);
     refuses(&document, Some(&predictor), "given.json: speed: expected").await;
-    // A path is not a predictor.
+    // The path of a file is not a predictor.
     let mut path = alone.clone();
     path["predictor"] = json!("model.json");
     let object = "given.json: predictor: expected an object, {…}, as in a predictor.json, \
@@ -419,7 +422,7 @@ async fn regions_are_drawn_with_a_predictor_beside_the_document() {
     let (document, predictor) = parted(bounds());
     let model = folder.file("model.json", predictor.to_string());
     assert!(draw(&document, &["--predictor", &model]).await == within);
-    // Panels share their axes: differences are named.
+    // Panels share their axes, so documents with different axes are rejected.
     let mut other = bounds();
     (other["k"], other["dt"]) = (json!([1]), json!(0.5));
     let first = folder.file("bounds.json", bounds().to_string());

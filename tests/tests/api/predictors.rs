@@ -1,4 +1,4 @@
-//! The models of analyses: listed, and used in replays.
+//! The models of analyses: their list, and their use in replays.
 
 use crate::analyses::{ask, done, show};
 use crate::openapi::Document;
@@ -69,7 +69,8 @@ async fn count(server: &Server, table: &str) -> i64 {
     behind(&server.database()).row(&query, |row| row.get(0)).await.unwrap()
 }
 
-/// The number of models in the database: by rows, by kinds and by participant.
+/// The number of models according to three tables: the rows of models, and the sums of the counts
+/// by kind and by participant.
 async fn models_counted(server: &Server) -> [i64; 3] {
     let sum = async |table: &str| -> i64 {
         let query = format!("SELECT CAST(coalesce(sum(models), 0) AS BIGINT) FROM {table}");
@@ -86,7 +87,7 @@ async fn models_are_listed_and_say_what_they_have_to_do_with_a_trial() {
     let id = ask(&server, quick()).await.id;
     done(&server, &id).await;
 
-    // Page by page and participant by participant, every model once.
+    // Paging returns every model once, ordered by participant.
     let all = list(&server, &id, "limit=500").await;
     assert_eq!((all.total, all.predictors.len() as u64), (2 * MODELS, 2 * MODELS));
     let halves =
@@ -124,7 +125,7 @@ async fn models_are_listed_and_say_what_they_have_to_do_with_a_trial() {
         assert_eq!(list(&server, &id, query).await.total, total, "{query}");
     }
 
-    // The split used in training.
+    // Trials are classified by the split that was used in training.
     let used = async |trial: &str, file: &str| {
         let found: TrainedPredictor = model(&server, trial, &id, file).await.into(200);
         (found.trials, found.source.unwrap().trial)
@@ -138,7 +139,7 @@ async fn models_are_listed_and_say_what_they_have_to_do_with_a_trial() {
     assert_eq!(used(practice, &lr.file).await.1, TrialUse::Unused);
     assert_eq!(used(&tasks(&first)[0], &lr.file).await.1, TrialUse::OtherParticipant);
 
-    // It is the model of the file, with the facts in the list.
+    // A replay gets the model that is in the file, and the summary that is in the list.
     let trial = tasks(&second).swap_remove(0);
     for model_file in ["models/svm_rbf-1-hrd_body-2.json", "models/dt-1-hrd-2.json", &lr.file] {
         let found: TrainedPredictor = model(&server, &trial, &id, model_file).await.into(200);
@@ -148,7 +149,7 @@ async fn models_are_listed_and_say_what_they_have_to_do_with_a_trial() {
         let text = server.admin_text(&routes::analysis_file(&id, model_file)).await;
         assert_eq!(found.predictor, serde_json::from_str::<PredictorFile>(&text).unwrap());
     }
-    // As in the OpenAPI document.
+    // The responses match the OpenAPI document.
     let document = Document::of(&server).await;
     for (path, route) in [
         ("/api/v1/admin/analyses/{id}/predictors", routes::analysis_predictors(&id)),
@@ -162,11 +163,11 @@ async fn models_are_listed_and_say_what_they_have_to_do_with_a_trial() {
         let errors: Vec<_> = validator.iter_errors(&body).map(|it| it.to_string()).collect();
         assert!(errors.is_empty() && body.is_object(), "{path}: {errors:?}");
     }
-    // Without a query, nothing has changed.
+    // Without a query, the response is still the model of the earlier trials.
     let plain: TrainedPredictor = server.admin(&routes::admin_predictor(&trial)).await.into(200);
     assert_eq!((plain.trials, plain.source), (1, None));
 
-    // In another study, whose participants have the same numbers.
+    // The trial is in another study, whose participants have the same numbers.
     let server = server.restarted_with_study(&format!("slug = \"second\"\n{STUDY}")).await;
     let elsewhere = Driver::ask_in(&server, "second", json!({ "consent": true })).await;
     let elsewhere = Driver { enrolled: elsewhere.into(201) };
@@ -224,7 +225,7 @@ async fn bad_questions_about_models_are_explained() {
         (format!("analysis={asked}"), "file"),
         (format!("file={file}"), "analysis"),
         (format!("analysis={asked}&model={file}"), "model"),
-        // It predicts whether a person turns, not the direction.
+        // This model predicts whether a person turns, not the direction.
         (format!("analysis={asked}&file=models/lr-2-hrd-1.json"), "file"),
     ] {
         let answer = server.admin(&format!("{route}?{query}")).await;
@@ -244,7 +245,7 @@ async fn bad_questions_about_models_are_explained() {
     let answer = model(&server, "none", &asked, file).await;
     assert!(answer.problem(404, "not_found", None).contains("trial"));
 
-    // A read-only key is enough; without a key nothing is accessible.
+    // A read-only key is sufficient. Without a key, access is refused.
     let new = json!({ "name": "reader", "access": "read" });
     let request = server.request(Method::POST, routes::ADMIN_KEYS).bearer_auth(&server.key);
     let made: sidestep::api::KeyMade = Answer::of(request.json(&new)).await.into(201);
@@ -290,8 +291,7 @@ async fn models_go_with_their_participant_and_their_analysis() {
     assert_eq!(list(&server, &after, "").await.choices.participants, [1]);
 }
 
-/// The command draws what the page draws: the same view of the same trial, predicted by the same
-/// model.
+/// For the same view, trial and model, the command draws the same picture as the page.
 #[tokio::test]
 async fn plot_draws_the_picture_of_a_replay() {
     let server = Server::with_study(STUDY).await;
@@ -324,7 +324,7 @@ async fn plot_draws_the_picture_of_a_replay() {
         run(&[&args[..], &["--view", query, "--out", &out]].concat()).await.json();
         assert!(std::fs::read_to_string(&out).unwrap() == expected, "{query}");
     }
-    // Other predictors, and two side by side.
+    // The command can also draw other predictors, and two of them side by side.
     let database = server.database();
     let args = ["plot", "--kind", "replay", "--database", &database, "--trial", &trial_id];
     let TrialDetail { parameters, scene, inputs, states, .. } = trial.clone();
@@ -360,13 +360,13 @@ async fn plot_draws_the_picture_of_a_replay() {
         run(&[&args[..], &["--view", query, "--out", &out]].concat()).await.json();
         assert!(std::fs::read_to_string(&out).unwrap() == expected.svg(), "{query}");
     }
-    // Sets learned from the trials before this one, as the page gets them.
+    // The page gets sets that are learned from the trials before this one.
     let mut learned = Vec::new();
     for family in [EmpiricalFamily::Empirical, EmpiricalFamily::Gaussian] {
         let route = format!("{}?family={}", routes::admin_sets(&trial_id), family.name());
         let sets: LearnedSets = server.admin(&route).await.into(200);
         assert_eq!((sets.trials, sets.sets.family()), (8, family));
-        // The last task is the only one that they were not learned from.
+        // Only this trial, the last task, is held out.
         let held = sets.held.unwrap();
         assert_eq!((held.trajectories, held.windows, held.inside.len()), (1, 41, 5));
         learned.push(sets.sets);
@@ -405,7 +405,7 @@ async fn plot_draws_the_picture_of_a_replay() {
     wrong.problem(422, "invalid", Some("features"));
     let both = format!("{route}?analysis=a&file=b&features=hrd");
     server.admin(&both).await.problem(422, "invalid", Some("features"));
-    // The same from the exported file, except for the heading.
+    // From the exported file, the command draws the same picture except for the heading.
     let steps = folder.file("steps.csv", server.export("default").await);
     let number = trial.summary.index + 1;
     let args = ["plot", "--kind", "replay", "--trials", &steps, "--participant", "1", "--trial"];

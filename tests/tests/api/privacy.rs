@@ -1,5 +1,5 @@
-//! Files with participants' data: no one else can read them, from their creation on, and no
-//! temporary file is left behind.
+//! Files with participants' data are private from their creation on, and no temporary file is left
+//! behind.
 #![cfg(target_os = "linux")]
 
 use reqwest::Method;
@@ -19,7 +19,8 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tokio::process::Command;
 
-/// Inspects each file and folder below a folder as soon as it appears, until the file `end` does.
+/// Inspects each file and folder in a folder and its subfolders as soon as it appears. Stops when a
+/// file `end` appears.
 struct Watch {
     root: PathBuf,
     looking: JoinHandle<BTreeMap<PathBuf, u32>>,
@@ -34,7 +35,7 @@ impl Watch {
         Self { root: root.to_owned(), looking: std::thread::spawn(|| seen.look()) }
     }
 
-    /// All files seen, with the loosest permissions that they had.
+    /// All paths that were seen, each with the union of its permissions over time.
     fn end(self) -> BTreeMap<PathBuf, u32> {
         fs::write(self.root.join("end"), "").unwrap();
         self.looking.join().unwrap()
@@ -50,10 +51,10 @@ struct Seen {
 impl Seen {
     fn watch(&mut self, folder: &Path) {
         let flags = WatchFlags::CREATE | WatchFlags::MOVED_TO | WatchFlags::ATTRIB;
-        // It may have been deleted already.
+        // The folder may have been deleted already.
         let Ok(watch) = add_watch(&self.notify, folder, flags) else { return };
         self.folders.insert(watch, folder.to_owned());
-        // Entries created before the watch.
+        // Entries that were created before the watch.
         for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
             self.see(entry.path());
         }
@@ -86,7 +87,7 @@ impl Seen {
     }
 }
 
-/// Start of a command whose files would be world-readable by default.
+/// A shell command line under which new files are world-readable by default.
 fn careless(temporary: &Path, last: &str) -> String {
     format!("umask 000; export TMPDIR='{}'; exec \"$@\" {last}", temporary.display())
 }
@@ -112,7 +113,7 @@ async fn files_are_private_from_the_moment_they_are_there() {
     let temporary = data.join("tmp");
     fs::create_dir_all(&temporary).unwrap();
     fs::copy(old_database(), at("old.db")).unwrap();
-    // SQLite gives the files beside a database its permissions.
+    // SQLite creates the other files of a database with the permissions of the database file.
     fs::set_permissions(at("old.db"), fs::Permissions::from_mode(0o600)).unwrap();
     let trials = folder.name("trials.csv");
     let simulate =

@@ -1,4 +1,4 @@
-//! The command as a process: exit codes and sudden kills.
+//! The command as a process: exit codes, and output that nobody reads.
 
 use sidestep_tests::{Folder, Process, run};
 
@@ -89,7 +89,8 @@ async fn a_short_key_in_the_environment_is_refused() {
     sidestep_tests::process::Said::from(output).refused(2, &[words]);
 }
 
-/// A file of synthetic trials and a database with them, in `folder`.
+/// Creates a file of synthetic trials, and a database that contains them, in `folder`. Returns the
+/// path of the file and the address of the database.
 async fn imported(folder: &Folder) -> (String, String) {
     let (trials, db) = (folder.name("trials.csv"), folder.database("study.db"));
     let simulate =
@@ -99,7 +100,7 @@ async fn imported(folder: &Folder) -> (String, String) {
     (trials, db)
 }
 
-/// Bad input gives 2; a failure with valid input gives 1.
+/// For bad input the exit code is 2. For a failure with valid input it is 1.
 #[tokio::test]
 async fn exit_codes_tell_bad_input_from_failures() {
     let folder = Folder::default();
@@ -166,7 +167,8 @@ async fn exit_codes_tell_bad_input_from_failures() {
     assert_eq!(folder.names(), ["file", "garbage.db", "study.db", "trials.csv"]);
 }
 
-/// `| head` ends a command silently; failures are still reported.
+/// If nobody reads stdout, for example after `| head`, a command ends silently. Failures are still
+/// reported.
 #[tokio::test]
 async fn nobody_need_read_what_a_command_says() {
     let folder = Folder::default();

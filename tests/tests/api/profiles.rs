@@ -1,4 +1,4 @@
-//! A participant in the laboratory: trials as pictures, notes, exclusion, deletion on request.
+//! A participant in the laboratory: pictures of trials, notes, exclusion, and deletion on request.
 
 use crate::analyses::{ask, done, show};
 use crate::people::come;
@@ -59,7 +59,7 @@ async fn a_participant_is_shown_whole() {
     let letters = trial.inputs.iter().map(|input| ['L', 'S', 'R'][(1 - input.sign()) as usize]);
     assert_eq!(String::from(picture.inputs.clone()), letters.collect::<String>());
 
-    // A test run can be viewed and replayed too.
+    // A test run can also be viewed and replayed.
     let pilot = json!({ "consent": true, "pilot": true });
     let pilot = Driver { enrolled: Driver::ask(&server, pilot).await.into(201) };
     pilot.drive(&server, 1).await;
@@ -148,7 +148,8 @@ async fn excluded_participants_stay_and_no_analysis_uses_them() {
     assert!(list.participants[0].excluded);
     assert!(show(&server, &before.summary.id).await.summary.stale, "its data have changed");
 
-    // Analyses exclude them and say so; exports contain them, with the reason.
+    // Analyses leave out excluded participants and report them. Exports contain excluded
+    // participants, with the reason.
     let without = done(&server, &ask(&server, json!({})).await.id).await;
     let result = without.summary.result.unwrap();
     assert_eq!(result.participants, 2);
@@ -161,7 +162,7 @@ async fn excluded_participants_stay_and_no_analysis_uses_them() {
     let at = header.split(',').position(|name| name == "exclusion_reason").unwrap();
     let reasons: Vec<_> = rows.lines().map(|row| row.split(',').nth(at).unwrap()).collect();
     assert_eq!(reasons, ["", "", "held the phone"]);
-    // Commands also exclude them, from the database and from an export, and say so.
+    // Commands also leave out and report excluded participants, from a database and from an export.
     let (folder, database) = (Folder::default(), server.database());
     let export = folder.name("export");
     let said = run(&["export", "--database", &database, "--format", "csv", "--out", &export]).await;
@@ -178,7 +179,7 @@ async fn excluded_participants_stay_and_no_analysis_uses_them() {
     assert_eq!(features[0].lines().count(), 1 + 2 * 8 * 50);
     assert!(features[0] == features[1]);
 
-    // Included again, which is another change; a second time changes nothing.
+    // Including the participant again is another change. A second inclusion changes nothing.
     for _ in 0..2 {
         assert_eq!(send(&server, Method::DELETE, &third, json!({})).await.status, 204);
     }
@@ -236,12 +237,13 @@ async fn the_drives_of_a_participant_are_their_tasks_to_the_bit() {
         let ids = [&found.value_function_hr, &found.value_function_rh];
         assert_eq!(ids, [&trial.value_function_hr, &trial.value_function_rh]);
     }
-    // The model of a task was trained on the trials before it, and names them.
+    // The model of a task is trained on the trials before the task. The response names these
+    // trials.
     let predictor = routes::admin_predictor(&sent[3].0);
     let predictor: TrainedPredictor = server.admin(&predictor).await.into(200);
     let before: Vec<&String> = sent[..3].iter().map(|(id, _)| id).collect();
     assert_eq!(predictor.trained_on.iter().collect::<Vec<_>>(), before);
-    // Without a key nothing is accessible, nor for an unknown participant.
+    // Access without a key is refused, and an unknown participant is not found.
     assert_eq!(server.get(&route).await.status, 401);
     assert_eq!(server.admin(&routes::admin_drives("nobody")).await.status, 404);
     // Deleted data are gone.

@@ -1,4 +1,4 @@
-//! Two servers behind NGINX and HAProxy, with the files of `docs/deploy`.
+//! Two servers behind NGINX or HAProxy, with the configuration files of `docs/deploy`.
 
 use futures_util::StreamExt;
 use futures_util::future::join_all;
@@ -14,7 +14,7 @@ use std::time::Duration;
 /// Number of people who drive at the same time.
 const PEOPLE: usize = 6;
 
-/// Retries of a request whose connection was closed without a response.
+/// Maximum number of retries of a request whose connection was closed without a response.
 const ASKED_AGAIN: usize = 3;
 
 async fn behind(kind: Kind) {
@@ -30,7 +30,7 @@ async fn behind(kind: Kind) {
 
     what_the_proxy_says(&front, &key).await;
 
-    // People who drive do not notice that a server is killed.
+    // Participants do not notice that one of the servers is killed while they drive.
     let people = join_all((0..PEOPLE).map(|_| Driver::enrol(&front.address))).await;
     let drives = join_all(people.iter().map(async |person| {
         for (id, scene) in person.scenes() {
@@ -49,9 +49,9 @@ async fn behind(kind: Kind) {
     let stored = database.number("SELECT count(*) FROM trial").await;
     assert_eq!(stored, 5 * PEOPLE as i64);
 
-    // Without any server, the page gets a response that it understands, with the time to retry.
-    // HAProxy may still have connections that the server has just closed: then it closes the
-    // client's connection without a response, and the client retries, as browsers do (RFC 9112,
+    // Without any server, the page gets a response that it understands, which says when to retry.
+    // HAProxy may still have connections that the server has just closed. In this case, it closes
+    // the client's connection without a response, and the client retries as browsers do (RFC 9112,
     // 9.3.1).
     second.kill().await;
     let ask = || front.address.request(Method::GET, "/s/default").send();
@@ -70,7 +70,7 @@ async fn behind(kind: Kind) {
     );
     assert_eq!(away.json::<serde_json::Value>().await.unwrap()["code"], "away");
 
-    // The log has the requests, but not who sent them.
+    // The log contains the requests, but not the identity of their senders.
     let log = front.log();
     for word in ["/api/v1/participants/me/trials", "/api/v1/studies/", "PUT", " 201 "] {
         assert!(log.contains(word), "{word} in\n{log}");
@@ -81,7 +81,8 @@ async fn behind(kind: Kind) {
     }
 }
 
-/// Errors that only a proxy can make: names, schemes, ways around it, streams.
+/// Checks for faults that only a proxy can cause, with host names, schemes, paths around its rules,
+/// and streams.
 async fn what_the_proxy_says(front: &Front, key: &str) {
     let to = |method, route: &str| front.address.request(method, route);
     let redirected = front.plain.request(Method::GET, "/s/default?x=1").send().await.unwrap();
@@ -106,7 +107,7 @@ async fn what_the_proxy_says(front: &Front, key: &str) {
         let refused = join_all(guesses).await;
         assert!(refused.iter().all(|answer| [401, 429].contains(&answer.status)));
     }
-    // A body over the limit.
+    // A body above the limit is rejected.
     let large = to(Method::POST, routes::SESSION).body(vec![b' '; 300_000]);
     let large = large.header("content-type", "application/json");
     assert_eq!(Answer::of(large).await.status, 413);

@@ -1,4 +1,5 @@
-//! Access to a study: quotas, closed studies, one participation per person, pilots, return links.
+//! Access to a study: quotas, closed studies, one participation per person, pilots and return
+//! links.
 
 use futures_util::future::join_all;
 use reqwest::Method;
@@ -12,7 +13,7 @@ use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Answer, Driver, Folder, Server, behind, run};
 use std::collections::HashSet;
 
-/// Two tasks, and more fields of a study file.
+/// A study file with two tasks and further fields.
 fn study(more: &str) -> String {
     format!("phases = [{{ phase = \"task\", scenes = 2 }}]\n{more}")
 }
@@ -53,8 +54,8 @@ async fn of_fifty_at_once_ten_get_the_ten_places() {
     let places: Vec<i64> = db.rows(query, |row| row.get(0)).await.unwrap();
     assert_eq!(places, (0..10).collect::<Vec<_>>());
 
-    // Pilots do not count. Participants who left free a place; so do those who stayed away, but
-    // they may still finish.
+    // Pilots do not count towards the quota. Participants who leave free their places. Participants
+    // who stay away also free their places, but may still finish.
     assert_eq!(Driver::ask(&server, json!({ "consent": true, "pilot": true })).await.status, 201);
     let begun: Vec<_> = answers.into_iter().filter(|answer| answer.status == 201).collect();
     let begun: Vec<Driver> =
@@ -85,7 +86,7 @@ async fn whoever_opens_the_page_again_keeps_their_place() {
     all_away_for_hours(&server).await;
     assert_eq!(admission(&server).await, Admission::Open);
     let _: Progress = driver.me(&server).await.into(200);
-    // It is recorded after the response.
+    // The visit is recorded after the response.
     while admission(&server).await == Admission::Open {
         tokio::task::yield_now().await;
     }
@@ -417,7 +418,7 @@ async fn pilots_are_kept_apart_and_can_be_deleted() {
     let export = server.export("default").await;
     assert_eq!(export.lines().count(), 51);
     assert!(export.lines().nth(1).unwrap().starts_with("1,0,0,"));
-    // Their data are exported only on request, and then separately.
+    // The data of pilots are exported only on request, and then without other data.
     let (folder, database) = (Folder::default(), server.database());
     let args = ["export", "--database", &database, "--out", &folder.name("data")];
     for (more, rows) in [(&[][..], [50, 1, 1]), (&["--pilots"], [100, 2, 2])] {
@@ -429,7 +430,7 @@ async fn pilots_are_kept_apart_and_can_be_deleted() {
     assert_eq!((&studies[0]["participants"], &studies[0]["trials"]), (&json!(1), &json!(1)));
     let trials = server.admin(&routes::admin_trials("default")).await.body;
     assert_eq!(trials["trials"].as_array().unwrap().len(), 1);
-    // Nothing remains of the hour of a pilot.
+    // No data of deleted pilots remain.
     let delete = |key: &str| {
         Answer::of(
             server.request(Method::DELETE, &routes::admin_pilots("default")).bearer_auth(key),
@@ -455,7 +456,8 @@ full_url = "https://app.example.org/full"
 closed_url = "https://app.example.org/closed?p={external_id}"
 "#;
 
-/// Information for the page before consent, for a new person or one with this external id.
+/// The admission and return link that the page gets before consent. `id` is an external id, or
+/// empty for a new person.
 async fn standing(server: &Server, id: &str) -> (Admission, Option<String>) {
     let query = if id.is_empty() { String::new() } else { format!("?external_id={id}") };
     let info: StudyInfo = server.get(&(routes::study("default") + &query)).await.into(200);
@@ -469,7 +471,7 @@ async fn whoever_cannot_take_part_learns_it_and_the_way_back_before_consent() {
     assert_eq!(standing(&server, "P1").await, (Admission::Open, None));
     let body = json!({ "consent": true, "external_id": "P1" });
     let driver = Driver { enrolled: Driver::ask(&server, body.clone()).await.into(201) };
-    // The place is taken; a participant who has begun can continue.
+    // The only place is taken, but the participant who has begun can continue.
     assert_eq!(standing(&server, "p1").await, (Admission::Open, None));
     for id in ["", "P2"] {
         assert_eq!(standing(&server, id).await, (Admission::Full, url("full")));
@@ -488,7 +490,7 @@ async fn whoever_cannot_take_part_learns_it_and_the_way_back_before_consent() {
     assert_eq!(other.return_url, url("again?p=P1"));
     again.complete(&server).await.problem(403, "not_yours", None);
     again.withdraw(&server, "delete").await.problem(403, "not_yours", None);
-    // The personal link has the token of the browser that enrolled.
+    // The code and the link with the code belong to the token of the browser that enrolled.
     let me: Progress = driver.me(&server).await.into(200);
     assert_eq!(me.completion_code.as_deref(), Some(&*done.completion_code));
     assert_eq!(me.return_url, done.return_url);
@@ -502,7 +504,7 @@ async fn whoever_cannot_take_part_learns_it_and_the_way_back_before_consent() {
     {
         let text = format!("status = \"{status}\"\n{}", study(ENDS));
         let server = Server::with_study(&text).await;
-        // The link requires an id.
+        // The return link contains the external id, so there is no link without an id.
         assert_eq!(standing(&server, "").await, (admission, None));
         assert_eq!(standing(&server, "P3").await, (admission, url("closed?p=P3")));
         let refused = Driver::ask(&server, json!({ "consent": true, "external_id": "P3" })).await;
@@ -541,12 +543,12 @@ async fn a_check_of_understanding_is_drawn_for_each_attempt() {
             driver.put(&server, routes::COMPREHENSION, &body).await.into(200);
         assert_eq!((stored.screened_out, stored.after_wrong), (false, AfterWrong::Renew));
     }
-    // Six questions, each with one right answer in any order.
+    // There are six questions, each with one right answer, whatever the order of the options.
     assert_eq!(right.len(), 6, "{right:?}");
     assert!(seen.len() > 15, "{}", seen.len());
     let me: Progress = driver.me(&server).await.into(200);
     assert_eq!(me.comprehension_attempts, 19);
-    // Before enrolment the number of questions is known.
+    // The number of questions is known before enrolment.
     let texts: Texts = server.get(&routes::texts("default")).await.into(200);
     assert_eq!(texts.check.len(), 2);
 }
@@ -556,7 +558,8 @@ async fn whoever_began_in_a_language_goes_on_in_it() {
     let server = Server::with_study(&study("")).await;
     let body = json!({ "consent": true, "locale": "es" });
     let driver = Driver { enrolled: Driver::ask(&server, body).await.into(201) };
-    // As an earlier version stored it: every language, and a consent text only in English.
+    // The configuration as an earlier version stored it, with all languages but a consent text only
+    // in English.
     behind(&server.database())
         .execute(
             "UPDATE study_config SET json = replace(json, '\"text\":{}', '\"text\":{\"en\":\"Hello\"}')",

@@ -1,4 +1,4 @@
-//! Data stored for too long, and their deletion by rules.
+//! Data that have been stored for too long, and their deletion by rules.
 
 use serde_json::{Value, json};
 use sidestep::api::{Action, AuditPage, ParticipantPage, Stage, routes};
@@ -10,7 +10,7 @@ async fn retention(server: &Server, args: &[&str]) -> Value {
     run(&[&["retention", "--database", &database], args].concat()).await.json()
 }
 
-/// Four people: one complete, two who dropped out, one of them a moment ago, and one with an
+/// Four people: one has finished, two dropped out (one of them a moment ago), and one has an
 /// external id.
 async fn people() -> Server {
     let server = Server::with_study(SHORT_STUDY).await;
@@ -70,7 +70,7 @@ async fn rules_say_what_they_would_delete_and_delete_it_when_asked_to() {
     };
     assert_eq!((at(Stage::Withdrawn), at(Stage::Complete)), (2, 1));
 
-    // The audit trail has each of them, and records when it was shortened itself.
+    // The audit trail lists every deletion, and records that it was itself shortened.
     let aged = "UPDATE audit SET at_ms = at_ms - 3 * 86400000";
     behind(&server.database()).execute(aged).await.unwrap();
     let before: AuditPage = server.admin(routes::AUDIT).await.into(200);

@@ -1,4 +1,4 @@
-//! Permissions that knowledge of an external id gives, and those that it does not.
+//! What knowledge of an external id permits, and what it does not.
 
 use serde_json::json;
 use sidestep::api::{Completed, ComprehensionStored, Enrolled, Progress, routes};
@@ -25,7 +25,7 @@ async fn who_knows_the_external_id_goes_on_and_sees_and_deletes_nothing() {
     }
     let me: Progress = other.me(&server).await.into(200);
     assert!(!me.may_withdraw && me.stored.len() == 2);
-    // Both may store; the owner finishes, and only the owner sees the code.
+    // Both may store trials. The owner finishes, and only the owner sees the code.
     let scenes = owner.scenes();
     let send = async |driver: &Driver, i: usize| {
         driver.send(&server, &scenes[i].0, &driven(&scenes[i].1)).await.status
@@ -38,7 +38,7 @@ async fn who_knows_the_external_id_goes_on_and_sees_and_deletes_nothing() {
     other.complete(&server).await.problem(403, "not_yours", None);
     let me: Progress = other.me(&server).await.into(200);
     assert_eq!((me.complete, me.completion_code), (true, None));
-    // A repeated request comes from the browser that enrolled.
+    // A request with the same request id comes from the browser that enrolled.
     let again = enrolled(&server, "mine", 200).await;
     let me: Progress = again.me(&server).await.into(200);
     assert_eq!((me.may_withdraw, me.completion_code), (true, Some(code.completion_code)));
@@ -76,8 +76,8 @@ async fn who_knows_the_external_id_ends_and_replaces_nothing() {
         let stored = driver.put(&server, routes::COMPREHENSION, &body).await;
         stored.into::<ComprehensionStored>(200).screened_out
     };
-    // One call is one attempt, whatever the answers; it costs the owner none, and ends only the
-    // caller's participation.
+    // One call counts as one attempt, whatever number of attempts it states. It uses none of the
+    // owner's attempts, and can end only the caller's participation.
     assert!(!check(&other, 1_000, false).await);
     let attempts = async |driver: &Driver| {
         let me: Progress = driver.me(&server).await.into(200);
@@ -118,7 +118,7 @@ async fn deletion_leaves_a_number_and_nothing_in_the_file() {
     };
     assert_eq!(found(), words);
     assert_eq!(owner.withdraw(&server, "delete").await.status, 200);
-    // The log is emptied as soon as no reader uses it.
+    // The write-ahead log is emptied as soon as no reader uses it.
     for _ in 0..50 {
         if found().is_empty() {
             break;
@@ -138,7 +138,7 @@ async fn deletion_leaves_a_number_and_nothing_in_the_file() {
     };
     assert_eq!(asked(row).await, "[1,1,1,1,null,null,null,null,null,null,null,null,null]");
     assert_eq!(asked(tokens).await, "[0]");
-    // The id is unknown now: the same person may begin again.
+    // The external id is now unknown, so the same person may begin again.
     enrolled(&server, "mine", 201).await;
 }
 

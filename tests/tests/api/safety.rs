@@ -1,4 +1,5 @@
-//! Value functions of unequal vehicles: solved in the background, stored, served.
+//! Value functions of unequal vehicles, which the server solves in the background, stores and
+//! serves.
 
 use reqwest::Method;
 use sha2::{Digest, Sha256};
@@ -16,7 +17,7 @@ async fn parameters(server: &Server) -> SceneParameters {
     server.get(&routes::study("default")).await.into::<StudyInfo>(200).parameters
 }
 
-/// Drives every scene, alternately to the left and to the right. Returns the trials' ids.
+/// Drives every scene, turning alternately left and right. Returns the trials' ids.
 async fn drive(server: &Server) -> Vec<String> {
     let parameters = parameters(server).await;
     let driver = Driver::enrol(server).await;
@@ -34,7 +35,7 @@ async fn detail(server: &Server, id: &str) -> TrialDetail {
     server.admin(&routes::admin_trial(id)).await.into(200)
 }
 
-/// The trial, once both functions are solved.
+/// Waits until both functions are solved, and returns the trial.
 async fn solved(server: &Server, id: &str) -> TrialDetail {
     let begun = Instant::now();
     loop {
@@ -43,7 +44,7 @@ async fn solved(server: &Server, id: &str) -> TrialDetail {
             return trial;
         }
         assert!(begun.elapsed() < Duration::from_secs(600), "the server does not solve");
-        // Requests are answered meanwhile.
+        // The server answers requests meanwhile.
         assert_eq!(server.get("/healthz").await.status, 200);
     }
 }
@@ -69,7 +70,7 @@ async fn unequal_vehicles_are_solved_and_served() {
         assert_eq!(hex::encode(Sha256::digest(&bytes)), id);
         let function = ValueFunction::decode(&bytes).unwrap();
         assert_eq!(function.game(), trial.parameters.game(evader));
-        // The result of a solve in the browser.
+        // A solve in the browser gives the same function.
         let game = trial.parameters.game(evader);
         let here = value_function(game, &mut |_| ControlFlow::Continue(())).unwrap();
         assert_eq!(here.id(), id);
@@ -97,7 +98,7 @@ async fn a_server_that_is_not_to_solve_says_so() {
     }
     let fallback = predictor(&server, &ids[6]).await.fallback.unwrap();
     assert!(fallback.contains("not solved"), "{fallback}");
-    // The next start solves it, and a further one finds it solved.
+    // The next start solves the functions, and a further start finds them solved.
     let server = server.restarted_with(None, |args| args.no_solve = false).await;
     let first = solved(&server, &ids[6]).await;
     assert_eq!(predictor(&server, &ids[6]).await.fallback, None);

@@ -1,5 +1,5 @@
-//! Several servers on one PostgreSQL database. On SQLite these tests are skipped: a second server
-//! is refused there (`trouble::one_server_a_database`).
+//! Several servers on one PostgreSQL database. On SQLite these tests are skipped, because a second
+//! server is refused there (`trouble::one_server_a_database`).
 
 use futures_util::future::join_all;
 use rcgen::{CertificateParams, KeyPair};
@@ -12,7 +12,7 @@ use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Answer, Database, Driver, Folder, Process, Server, behind, driven};
 use std::time::{Duration, Instant};
 
-/// Two servers on one new database.
+/// Starts two servers on one new database.
 async fn two() -> [Server; 2] {
     let one = Server::with_study(SHORT_STUDY).await;
     let hint = "needs PostgreSQL: cargo xtask test --postgres -- --test api -- --include-ignored";
@@ -45,7 +45,7 @@ async fn servers_on_one_database_are_as_one() {
     let places: Vec<i64> = behind(&one.database()).rows(places, |row| row.get(0)).await.unwrap();
     assert_eq!(places, (0..21).collect::<Vec<_>>());
 
-    // One of them stops: the other continues.
+    // When one of them stops, the other continues.
     one.stop().await;
     let late = Driver::enrol(&two).await;
     late.drive(&two, 5).await;
@@ -57,7 +57,7 @@ async fn servers_on_one_database_are_as_one() {
 async fn an_analysis_is_computed_by_one_server_and_taken_over_from_a_lost_one() {
     let [one, two] = two().await;
     Driver::enrol(&one).await.drive(&one, 5).await;
-    // As if a server had started it and then died.
+    // Let one analysis end. Then change its row as if a server had started it and died.
     let asked = one.request(Method::POST, &routes::admin_analyses("default"));
     let asked = asked.bearer_auth(&one.key).json(&serde_json::json!({}));
     let asked: AnalysisSummary = Answer::of(asked).await.into(201);
@@ -70,7 +70,8 @@ async fn an_analysis_is_computed_by_one_server_and_taken_over_from_a_lost_one() 
         assert!(begun.elapsed() < Duration::from_secs(600), "{now:?}");
         tokio::time::sleep(Duration::from_millis(50)).await;
     };
-    // Three tasks are too few to compare models: it ends with a message, after one attempt.
+    // Three tasks are too few to compare models, so the analysis ends with a message after one
+    // attempt.
     assert!([AnalysisState::Done, AnalysisState::Failed].contains(&over.state));
     let attempts = "SELECT attempts FROM analysis";
     let attempts: i64 = behind(&one.database()).row(attempts, |row| row.get(0)).await.unwrap();
@@ -133,7 +134,7 @@ async fn a_guesser_gains_nothing_from_several_servers() {
         assert_eq!(guess(i).await, 401);
     }
     assert_eq!([guess(0).await, guess(1).await], [429; 2]);
-    // Users with the right key do not wait for that, at either server.
+    // Users with the right key do not have to wait, at either server.
     for server in &servers {
         assert_eq!(server.admin(routes::ADMIN_STUDIES).await.status, 200);
     }
@@ -161,7 +162,7 @@ async fn a_standby_takes_over_and_has_everything() {
     }
     primary.stop(Stop::Kill);
     let (id, scene) = &scenes[2];
-    // Until the standby is promoted, nothing can be stored, and nothing is acknowledged.
+    // Until the standby is promoted, nothing is stored and nothing is acknowledged.
     let refused = driver.send(&server, id, &driven(scene)).await;
     assert_eq!(refused.status, 503, "{}", refused.body);
     standby.promote();
@@ -178,8 +179,8 @@ async fn a_standby_takes_over_and_has_everything() {
     let new = Database::Postgres(standby.url(name));
     assert_eq!(new.number("SELECT count(*) FROM trial").await, 3);
 
-    // The old primary is not fenced: it comes back at the first address of the list, accepts writes
-    // without waiting for a standby, and all sessions end.
+    // The old primary is not fenced. It comes back at the first address in the list and accepts
+    // writes without waiting for a standby, and all sessions are terminated.
     let primary = tokio::task::spawn_blocking(move || {
         primary.settings.push("synchronous_standby_names=".to_owned());
         primary.start_again();
@@ -201,10 +202,10 @@ async fn a_standby_takes_over_and_has_everything() {
     }
     assert_eq!(new.number("SELECT count(*) FROM trial").await, 4);
     assert_eq!(Database::Postgres(primary.url(name)).number("SELECT count(*) FROM trial").await, 2);
-    // A newly started server chooses the new one, too.
+    // A newly started server also chooses the new primary.
     let server = server.restarted().await;
     assert_eq!(driver.me(&server).await.into::<Progress>(200).stored.len(), 4);
-    // If the new one is down, the old one is refused, and clients get the reason.
+    // If the new primary is down, the server refuses the old one, and clients get the reason.
     let mut standby = standby;
     standby.stop(Stop::Kill);
     let ready = server.get("/readyz").await;

@@ -1,4 +1,4 @@
-//! shfrs: regions, tuning, Pareto curves and danger of recorded trials, and invalid input. The
+//! `shfrs`: regions, tuning, Pareto curves and danger of recorded trials, and invalid input. The
 //! trials are those of synthetic people (`shared/tests/data/README.md`).
 
 use sidestep_tests::folder::{data, number, rows};
@@ -15,10 +15,9 @@ async fn shfrs(out: &str, flags: &[&str]) -> Said {
 #[tokio::test]
 async fn every_file_says_what_it_depends_on() {
     let folder = Folder::default();
-    // A folder that does not exist yet.
+    // The folder does not exist yet.
     let out = folder.path("found");
-    // Two people have 30 calibration trajectories: enough for the PAC guarantee of 0.9, which needs
-    // 29.
+    // Two people have 30 calibration trajectories, and the PAC guarantee of 0.9 needs 29.
     let flags = ["--seed", "3", "--participant", "2", "--participant", "3"];
     let asked = ["--guarantee", "conformal,pac,fixed-sequence", "--probability", "0.5,0.9"];
     let guarantees = [&flags[..], &asked].concat();
@@ -51,7 +50,7 @@ async fn every_file_says_what_it_depends_on() {
     let tuning = rows(out.join("tuning.csv"));
     assert_eq!(tuning.len(), 6);
     for row in &tuning {
-        // Its interval must not exclude the guaranteed value.
+        // The confidence interval of the coverage must not exclude the guaranteed probability.
         assert!(number(row, "coverage_high") >= number(row, "p"), "{row:?}");
         assert!(number(row, "mean_area_m2") < 16.0 / 3.0 + 1e-9);
         assert!(row["statement"].contains("30 trajectories"));
@@ -77,14 +76,15 @@ async fn every_file_says_what_it_depends_on() {
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
     }
 
-    // The trained predictor can be passed, and then no other is trained.
+    // If the trained predictor is passed to the command, no other predictor is trained.
     let predictor = out.join("predictor.json");
     let given = [&flags[..], &["--predictor", predictor.to_str().unwrap()]].concat();
     shfrs(&folder.name("again"), &given).await.json();
     assert_eq!(rows(folder.path("again/regions.csv")), regions);
 }
 
-/// An impossible guarantee for so few tasks is left out by name, without affecting the others.
+/// A guarantee that is impossible with so few tasks is left out and named. The other guarantees are
+/// not affected.
 #[tokio::test]
 async fn an_impossible_guarantee_does_not_refuse_the_others() {
     let folder = Folder::default();
@@ -113,7 +113,8 @@ async fn an_impossible_guarantee_does_not_refuse_the_others() {
     }
 }
 
-/// People for calibration are not used in training, and a guarantee for new people counts people.
+/// People in the calibration set are not used in training. A guarantee for new people counts
+/// people, not tasks.
 #[tokio::test]
 async fn a_split_by_people_guarantees_for_new_people() {
     let folder = Folder::default();
@@ -121,7 +122,8 @@ async fn a_split_by_people_guarantees_for_new_people() {
     let said = shfrs(&folder.name("found"), &flags).await;
     let line = said.json();
     assert_eq!((&line["split"], &line["trajectories"]), (&"people".into(), &400.into()));
-    // 40 % of 8 people, with 50 tasks each; then one task of each.
+    // Of the 8 people, 40 % are used for training, with 50 tasks each. The other people contribute
+    // one task each.
     let sizes = ["training", "calibration", "test"].map(|part| line[part].as_u64().unwrap());
     assert_eq!(sizes, [150, 3, 2]);
     assert_eq!(line["left_out"][0]["needed"], 9);

@@ -1,4 +1,4 @@
-//! Synthetic participants: into files, and through the server.
+//! Synthetic participants, written to files or taking part through the server.
 
 use serde_json::{Value, json};
 use sidestep::api::{TrialDetail, TrialPage, routes};
@@ -26,9 +26,10 @@ async fn the_reference_byte_for_byte() {
     let done = summary(&[&args[..], &["8", "--out", &out]].concat()).await;
     assert!(folder.text("trials.csv") == reference);
     assert_eq!(done["rows"], 20_000);
-    // Keys that change within steps do not replay from one input per step, and this is reported.
+    // Keys that change within a step cannot be replayed from one input per step. The command
+    // reports this.
     assert!(done["flags"]["replay_mismatch"].as_u64().unwrap() > 300, "{done}");
-    // The first people are the same whatever the number of people and tasks.
+    // The first participants do not depend on the number of participants and tasks.
     let piped = simulate(&[&args[..], &["1", "--tasks", "7", "--out", "-"]].concat()).await.out;
     assert_eq!(piped.lines().count(), 351);
     assert!(reference.starts_with(&piped));
@@ -73,7 +74,7 @@ async fn drives_on_the_clock_are_imported_without_a_flag() {
 async fn people_take_part_through_the_server() {
     let server = Server::with_study(SHORT_STUDY).await;
     let args = ["--seed", "5", "--url", &server.origin, "--study", "default", "--participants"];
-    // A participant with some tasks undriven is not complete, and continues later.
+    // A participant who has not driven all tasks is not complete, and continues later.
     let mut expected = json!({
         "synthetic": true, "participants": 2, "trials": 8, "already_stored": 0, "flags": {},
         "url": server.origin, "study": "default",
@@ -155,7 +156,7 @@ text = { en = "Anything else?" }
     assert_eq!(found, (2, 2, answers.to_owned(), "en".to_owned()));
 }
 
-/// Vehicles, step and number of steps are the study's.
+/// Vehicles, step duration and number of steps come from the study.
 #[tokio::test]
 async fn other_studies_are_driven_by_their_own_rules() {
     let study = r#"
@@ -232,7 +233,7 @@ async fn what_the_server_says_is_passed_on() {
     let elsewhere = format!("{}/elsewhere", server.origin);
     at(&elsewhere, &[]).await.refused(2, &[unknown, "/elsewhere"]);
 
-    // Someone who has withdrawn does not come back.
+    // A participant who has withdrawn cannot return.
     let body = json!({ "consent": true, "external_id": "synthetic-1-0" });
     let leaver = Driver { enrolled: Driver::ask(&server, body).await.into(201) };
     assert_eq!(leaver.withdraw(&server, "keep").await.status, 200);

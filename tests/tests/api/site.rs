@@ -1,4 +1,4 @@
-//! Pages, assets, and headers of every response.
+//! Pages, assets, and the headers of every response.
 
 use reqwest::Method;
 use reqwest::header::HeaderMap;
@@ -110,7 +110,8 @@ async fn the_first_page_names_the_open_studies() {
     assert!(home().await.contains(&first), "{}", home().await);
     make("slug = \"another\"\ntitle = \"Another\"").await;
     make("slug = \"not-yet\"\ntitle = \"Not yet\"\nstatus = \"closed\"").await;
-    // Nobody can come here from a recruiting service.
+    // Not listed, because visitors of the page do not come from a recruiting service with an
+    // external id.
     make("slug = \"paid\"\ntitle = \"Paid\"\n[recruitment]\nrequire_external_id = true").await;
     let page = home().await;
     assert!(page.find(&first) < page.find(&link("another", "Another")), "{page}");

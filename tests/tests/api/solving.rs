@@ -1,4 +1,4 @@
-//! solve, value and plot: output and errors.
+//! `solve`, `value` and `plot`: their output and their errors.
 
 use serde_json::Value;
 use sidestep::reachability::ExactValue;
@@ -19,7 +19,7 @@ async fn refuses(args: &[&str], words: &[&str]) {
     run(args).await.refused(2, words);
 }
 
-/// Header and values of an array in NumPy's format (version 1).
+/// The header and the values of an array in NumPy's format (version 1).
 fn array(file: &Path, name: &str) -> (String, Vec<u8>) {
     let mut archive = ZipArchive::new(std::fs::File::open(file).unwrap()).unwrap();
     let mut bytes = Vec::new();
@@ -107,7 +107,7 @@ async fn a_rectangular_grid_of_a_short_game() {
     let (x, y) = (doubles(&file, "axis0", 21), doubles(&file, "axis1", 11));
     assert_eq!((x[0], x[20], y[0], y[10]), (-5.0, 15.0, -10.0, 10.0));
     let first = values(&file, [21, 11, 16]);
-    // Five metres behind with the same heading, no collision can be forced.
+    // From five metres behind, with the same heading, the pursuer cannot force a collision.
     let behind = first[5 * 16];
     assert!((behind - 2.0).abs() < 0.3, "{behind}");
     assert_eq!(meta(&file)["horizon"], 1.5);
@@ -119,12 +119,13 @@ async fn a_rectangular_grid_of_a_short_game() {
 #[tokio::test]
 async fn values_of_states() {
     let folder = Folder::default();
-    // Any order of columns, extra columns, a byte-order mark, blanks, other line ends.
+    // The columns can be in any order. Extra columns, a byte-order mark, blanks and CR LF line ends
+    // are accepted.
     let text = "\u{feff}psi,note,x, y\r\n0.5,a,10,1\r\n3.0,\"b, c\", 5 ,-2e0\r\n-7,,0.1,0.30000000000000004\r\n";
     let states = folder.file("states.csv", text);
     let out = folder.name("values.csv");
     let said = run(&["value", "--states", &states, "--out", &out]).await;
-    // −7 rad is a heading, but rarely intended.
+    // −7 rad is a valid heading, but rarely intended.
     let expected = "states.csv: line 4, psi: -7 is more than a full turn; headings are in radians";
     assert!(said.err.contains(expected), "{}", said.err);
     let line = said.json();
@@ -148,13 +149,14 @@ async fn values_of_states() {
         assert_eq!(*row, all, "bit for bit");
     }
 
-    // The closed form in a file is the closed form.
+    // The closed form read from a file gives exactly the same values.
     let file = folder.name("v.npz");
     prints(&["solve", "--out", &file]).await;
     run(&["value", "--value-function", &file, "--states", &states, "--out", &out]).await.json();
     assert_eq!(rows(&out), exact);
 
-    // A solved function is the same from its file as directly, up to float32 rounding.
+    // A solved function read from its file equals the function solved directly, up to float32
+    // rounding.
     let game = ["--pursuer-turn-rate", "0.75", "--accuracy", "draft"];
     run(&[&["value", "--states", &states, "--out", &out][..], &game].concat()).await.json();
     let at_once = rows(&out);
@@ -169,7 +171,7 @@ async fn values_of_states() {
     assert_eq!(line["outside"], 1);
     assert!((rows(&out)[0][3] - 480.0).abs() < 20.0);
     assert_eq!(rows(&out)[0][10], 0.0, "not inside");
-    // No states, no rows.
+    // A table without states gives a table without rows.
     let none = folder.file("none.csv", "x,y,psi\n");
     let line = prints(&["value", "--states", &none, "--out", &out]).await;
     assert_eq!((&line["states"], rows(&out).len()), (&0.into(), 0));
@@ -246,7 +248,7 @@ async fn games_and_grids_that_are_none() {
         refuses(&[&["solve", "--out", &out], args].concat(), words).await;
         assert!(folder.names().is_empty(), "{args:?}");
     }
-    // Refused at once, with the memory it would need.
+    // Grids that are too large are refused at once, with the memory that they would need.
     for grid in ["4000,4000,4000", "18446744073709551615,18446744073709551615,9"] {
         for method in ["cartesian", "exact"] {
             let args = ["--grid", grid, "--domain", "-9,9,-9,9", "--method", method];
@@ -264,7 +266,7 @@ async fn games_and_grids_that_are_none() {
     }
 }
 
-/// The archive with its `meta` changed.
+/// The archive with a changed `meta`.
 fn with_meta(file: &Path, change: impl FnOnce(&mut Value)) -> Vec<u8> {
     let mut json = meta(file);
     change(&mut json);
@@ -343,10 +345,10 @@ async fn figures() {
         prints(&["plot", "--out", &png, "--kind", kind]).await;
         let picture = image::open(&png).unwrap().into_rgb8();
         assert_eq!(picture.width(), 2 * size[0], "{kind}");
-        // Text, curves and surface are there: many pixels are not white.
+        // Text, curves and surfaces are drawn, so many pixels are dark.
         let dark = picture.pixels().filter(|pixel| pixel.0[1] < 100).count();
         assert!(dark > 5000, "{kind}: {dark}");
-        // The title's letters are drawn, with the font embedded in the program.
+        // The title is drawn with the font that is embedded in the program.
         let title = image::imageops::crop_imm(&picture, 40, 40, 900, 70).to_image();
         let ink = title.pixels().filter(|pixel| pixel.0[0] < 80).count();
         assert!(ink > 2000, "{kind}: {ink}");

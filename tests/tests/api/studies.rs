@@ -1,4 +1,4 @@
-//! The studies of a server when it starts.
+//! What happens to the studies of a server when it starts.
 
 use reqwest::Method;
 use serde_json::json;
@@ -6,7 +6,7 @@ use sidestep::api::{Configuration, StudyInfo, Texts, routes};
 use sidestep_tests::server::{SHORT_STUDY, with_slug};
 use sidestep_tests::{Answer, Driver, Server, behind, run};
 
-/// The lines of the announcement about studies.
+/// The slugs of the studies that the server announced at its start.
 fn announced(server: &Server) -> Vec<String> {
     let text = server.announcement();
     let lines = text.lines().filter_map(|line| line.split_once("/s/"));
@@ -17,7 +17,7 @@ fn announced(server: &Server) -> Vec<String> {
 async fn a_changed_file_replaces_a_study_only_if_that_is_said() {
     let server = Server::with_study(SHORT_STUDY).await;
     let changed = with_slug(&SHORT_STUDY.replace("scenes = 3", "scenes = 2"));
-    // No participants yet.
+    // There are no participants yet.
     let stopped = server.stop().await;
     stopped.write_study(&changed);
     let server = stopped.start().await;
@@ -41,8 +41,7 @@ async fn a_restart_with_the_same_file_keeps_what_the_laboratory_changed() {
             Driver::enrol(&server).await;
         }
         if made_earlier {
-            // As in a database of an earlier version, which does not record the source of its
-            // versions.
+            // A database of an earlier version does not record the source of its study versions.
             let database = server.database();
             let stopped = server.stop().await;
             behind(&database).execute("UPDATE study_version SET by_file = FALSE").await.unwrap();
@@ -54,7 +53,7 @@ async fn a_restart_with_the_same_file_keeps_what_the_laboratory_changed() {
         let draft = json!({ "toml": toml, "base": present.hash });
         let change = server.request(Method::PUT, &route).bearer_auth(&server.key).json(&draft);
         let edited: Configuration = Answer::of(change).await.into(200);
-        // Likewise its status, which makes no version.
+        // Also change the status, which creates no version.
         let status = server.request(Method::PUT, &routes::admin_status("default"));
         let status = status.bearer_auth(&server.key).json(&json!({ "status": "closed" }));
         Answer::of(status).await.into::<Configuration>(200);

@@ -1,5 +1,5 @@
-//! The guide to study files: its examples and the README's are valid, its complete file has every
-//! field, and its tables name each of them.
+//! The guide to study files. Its examples and the README's example are valid, its complete file has
+//! every field, and its tables name every field.
 
 use serde_json::Value;
 use sidestep_server::formats::study_toml::StudyFile;
@@ -17,7 +17,7 @@ fn examples(document: &'static str) -> Vec<&'static str> {
     blocks.map(|rest| rest.split_once("```").unwrap().0).collect()
 }
 
-/// Adds the fields below a value by path, such as `.questions.options.text`.
+/// Adds the paths of all fields below a value, such as `.questions.options.text`.
 fn add_fields(value: &Value, above: &str, found: &mut BTreeSet<String>) {
     match value {
         Value::Object(object) => {
@@ -57,7 +57,7 @@ fn its_whole_file_has_every_field_and_its_tables_name_them() {
     let folder = Folder::default();
     let path = folder.file("study.toml", text);
     let file = StudyFile::read(Path::new(&path)).unwrap();
-    // A parsed configuration has all fields, given or not.
+    // A parsed configuration has all fields, including those that the file does not give.
     let wanted = fields(&serde_json::to_value(file.config()).unwrap());
     let given = fields(&toml::from_str::<Value>(text).unwrap());
     let missing: Vec<_> = wanted.difference(&given).collect();

@@ -5,7 +5,7 @@ use sidestep_tests::process::binary;
 use sidestep_tests::{Folder, run};
 use std::process::{Command, Stdio};
 
-/// A synthetic person's trials.
+/// The trials of two synthetic participants, as a CSV table.
 async fn trials(folder: &Folder) -> String {
     let out = folder.name("trials.csv");
     let args = ["simulate", "--participants", "2", "--tasks", "4", "--seed", "5", "--out", &out];
@@ -13,7 +13,7 @@ async fn trials(folder: &Folder) -> String {
     folder.text("trials.csv")
 }
 
-/// Rewrites a table with another separator, and with decimal commas if `decimal` is a comma.
+/// Rewrites a table with other separators of columns and decimals.
 fn rewritten(text: &str, separator: &str, decimal: &str) -> String {
     text.replace(',', separator).replace('.', decimal)
 }
@@ -22,7 +22,7 @@ fn utf_16(text: &str) -> Vec<u8> {
     "\u{feff}".encode_utf16().chain(text.encode_utf16()).flat_map(u16::to_le_bytes).collect()
 }
 
-/// The features of a file of trials, and the messages.
+/// The features of a file of trials, and the messages of the command.
 async fn features(folder: &Folder, file: &str) -> (Vec<u8>, String) {
     let out = folder.path("features.csv");
     let said = run(&["features", "--trials", file, "--out", out.to_str().unwrap()]).await;
@@ -52,7 +52,7 @@ async fn trials_are_read_however_a_spreadsheet_writes_them() {
         let (found, said) = features(&folder, &file).await;
         assert_eq!(found, expected, "{words}");
         assert!(said.contains("other.csv: read as") && said.contains(words), "{words}: {said}");
-        // The database has the same trials, too.
+        // An import also reads the same trials.
         let database = folder.database("study.db");
         let said = run(&["import", "--database", &database, "--trials", &file]).await;
         assert_eq!(said.json()["trials"], 8, "{words}");
@@ -106,7 +106,7 @@ async fn tables_come_through_a_pipe() {
     assert!(folder.text("out.csv").contains("\n5.5,0.25,1.0,"), "{}", folder.text("out.csv"));
 }
 
-/// A reader that closes early gets no error message, as with other programs.
+/// If a reader closes the pipe early, the command reports no error, like other programs.
 #[tokio::test]
 async fn a_reader_that_has_read_enough_is_no_error() {
     let args = ["simulate", "--participants", "20", "--seed", "1", "--out", "-"];
@@ -144,7 +144,7 @@ async fn study_files_of_editors() {
         let words = format!("{name}: warning: read as {encoding}");
         assert!(said.err.contains(&words) && said.err.contains("save it as UTF-8"), "{}", said.err);
     }
-    // "Größe" in Mac Roman, which has letters where Windows-1252 has others.
+    // "Größe" in Mac Roman. Its bytes stand for other letters in Windows-1252.
     let mac = text.as_bytes().iter().flat_map(|byte| match byte {
         0xc3 => vec![],
         0xb6 => vec![0x9a],
@@ -156,7 +156,7 @@ async fn study_files_of_editors() {
         2,
         &["mac.toml: expected UTF-8 text, found a byte 0x9a", "save the file as UTF-8"],
     );
-    // A field in the wrong table, and a study with a slightly wrong name.
+    // A field in the wrong table, and a slightly misspelled study name.
     let quota = design("quota.toml", format!("quota = 5\n{text}").as_bytes()).await;
     quota.refused(2, &["quota.toml:1: quota", "found \"quota\", which belongs in [recruitment]"]);
     let database = folder.database("study.db");

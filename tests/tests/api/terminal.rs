@@ -66,7 +66,7 @@ fn a_key_is_asked_for_twice_and_not_shown() {
     assert!(shown.contains("expected the same key twice, found two keys"), "{shown}");
     assert!(!shown.contains("$argon2id$") && !shown.contains("another key that"), "{shown}");
 
-    // A password that is too short need not be typed twice.
+    // A key that is too short is rejected at once, so it need not be typed twice.
     let mut terminal = Terminal::run(&hash_key);
     terminal.answer(FIRST, "short\n");
     let (code, shown) = terminal.end();
@@ -75,7 +75,8 @@ fn a_key_is_asked_for_twice_and_not_shown() {
     assert!(!shown.contains(AGAIN), "{shown}");
 }
 
-/// The terminal is restored after an answer, an error and Ctrl-C; the hash goes to stdout.
+/// The terminal's settings are restored after an answer, an error and Ctrl-C. The hash goes to
+/// stdout.
 #[test]
 fn the_terminal_is_left_as_it_was() {
     let folder = Folder::default();

@@ -1,4 +1,4 @@
-//! Participants' texts: languages, the study's own texts.
+//! Participants' texts: their languages, and the study's own texts.
 
 use reqwest::Method;
 use reqwest::header::HeaderValue;
@@ -6,7 +6,7 @@ use sidestep::api::{Texts, routes};
 use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Folder, Server, run};
 
-/// The texts for a browser with these languages, and the response's `Vary`.
+/// The texts for a browser with these languages. Also checks the response's `Vary`.
 async fn texts(server: &Server, query: &str, languages: &str) -> Texts {
     let route = format!("{}{query}", routes::texts("default"));
     let request = server.request(Method::GET, &route).header("accept-language", languages);

@@ -48,7 +48,7 @@ async fn a_deleted_database_acknowledges_nothing() {
         let told = told.problem(503, "not_ready", None);
         assert_eq!(told, "no trial can be stored now; the server's log says why");
     }
-    // Another file in its place is not written to either.
+    // The server does not write to another file in its place either.
     std::fs::write(&file, b"").unwrap();
     driver.send(&server, &trial_id, &trial).await.problem(503, "storage", None);
     assert_eq!(std::fs::metadata(&file).unwrap().len(), 0);
@@ -61,8 +61,8 @@ async fn a_deleted_database_acknowledges_nothing() {
     assert_eq!(me.stored, [trial_id]);
 }
 
-/// Lets a driver and a new participant try to write while nothing can be written, then makes room,
-/// and checks that everything continues as before.
+/// Checks that nothing is acknowledged while nothing can be written. Then makes room, and checks
+/// that the participant and new participants can continue.
 #[cfg(target_os = "linux")]
 pub(crate) async fn waits_for_room(
     server: &Process,
@@ -90,7 +90,7 @@ pub(crate) async fn waits_for_room(
     assert_eq!(new().await.status, 201);
 }
 
-/// The server sees its own file system of 12 MB, which another file then fills.
+/// The server runs on its own file system of 12 MB, which another file then fills.
 #[cfg(target_os = "linux")]
 #[tokio::test]
 async fn writing_goes_on_when_a_full_disk_has_room_again() {
@@ -118,7 +118,8 @@ async fn writing_goes_on_when_a_full_disk_has_room_again() {
     assert_eq!(server.get("/readyz").await.status, 200);
 }
 
-/// As limited by `ulimit -f`. SQLite's log is already longer then.
+/// The file size is limited as by `ulimit -f`. At that time, SQLite's log is already longer than
+/// the limit.
 #[cfg(target_os = "linux")]
 #[tokio::test]
 async fn writing_goes_on_when_files_may_be_longer_again() {
@@ -141,7 +142,7 @@ async fn one_server_a_database() {
     let database = server.database();
     let second = ["serve", "--listen", "127.0.0.1:0", "--static", &site, "--database", &database];
     run(&second).await.refused(1, &["another 'sidestep serve' uses this database"]);
-    // Commands work at the same time.
+    // Commands can run at the same time.
     run(&["check", "--database", &database]).await.json();
     assert_eq!(Driver::enrol(&server).await.scenes().len(), 5);
 }

@@ -5,18 +5,19 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-/// Content of a file outside its tests.
+/// The content of a file outside its tests.
 pub(crate) struct Source {
-    /// The paths in it, segment by segment; those of a `use` with braces one by one.
+    /// The paths in the file, segment by segment. A `use` with braces contributes one path for each
+    /// name.
     pub(crate) paths: Vec<Vec<String>>,
-    /// The modules that it declares, in order.
+    /// The modules that the file declares, in order.
     pub(crate) modules: Vec<String>,
-    /// Its string literals.
+    /// The string literals of the file.
     pub(crate) strings: Vec<String>,
 }
 
 impl Source {
-    /// Reads a file's text.
+    /// Parses the text of a file.
     ///
     /// # Panics
     /// If it is not Rust.
@@ -36,7 +37,7 @@ impl Source {
                 continue;
             }
             match &tokens[at] {
-                // The compiler sees a comment on an item as an attribute.
+                // The compiler sees a documentation comment as an attribute.
                 TokenTree::Group(group) if group.stream().to_string().starts_with("doc =") => {}
                 TokenTree::Group(group) => self.read(group.stream()),
                 TokenTree::Literal(literal) => {
@@ -62,7 +63,8 @@ impl Source {
     }
 }
 
-/// Reads the path at `at`, with the paths in braces that end it; returns its end.
+/// Reads the path at `at`, including the paths in braces at its end. Returns the index after the
+/// path.
 fn paths(
     tokens: &[TokenTree],
     at: usize,
@@ -83,7 +85,7 @@ fn paths(
                 }
                 return at + 1;
             }
-            // `*`, or the `<` of generic arguments.
+            // The token is `*`, or the `<` of generic arguments.
             _ => break,
         }
         at += 1;
@@ -100,14 +102,15 @@ fn is_punct(token: Option<&TokenTree>, wanted: char) -> bool {
     matches!(token, Some(TokenTree::Punct(punct)) if punct.as_char() == wanted)
 }
 
-/// Whether `#[test]` or `#[cfg(test)]` is here.
+/// Whether the tokens begin with `#[test]` or `#[cfg(test)]`.
 fn is_test_attribute(tokens: &[TokenTree]) -> bool {
     let [TokenTree::Punct(hash), TokenTree::Group(group), ..] = tokens else { return false };
     let text = group.stream().to_string().replace(' ', "");
     hash.as_char() == '#' && (text == "test" || text == "cfg(test)")
 }
 
-/// The end of the item that begins with an attribute at `at`: after its braces or its `;`.
+/// The index after the item that begins with an attribute at `at`. The item ends with its braces or
+/// its `;`.
 fn end_of_item(tokens: &[TokenTree], at: usize) -> usize {
     let ends = |token: &TokenTree| match token {
         TokenTree::Group(group) => group.delimiter() == Delimiter::Brace,
@@ -116,7 +119,7 @@ fn end_of_item(tokens: &[TokenTree], at: usize) -> usize {
     tokens[at..].iter().position(ends).map_or(tokens.len(), |after| at + after + 1)
 }
 
-/// A package's modules by their path below the crate, such as `["shfrs", "window"]`.
+/// The modules of a package by their path in the crate, such as `["shfrs", "window"]`.
 pub(crate) fn modules(folder: &Path) -> BTreeMap<Vec<String>, Source> {
     let mut found = BTreeMap::new();
     for root in ["lib.rs", "main.rs"] {
@@ -148,7 +151,7 @@ fn add(
     found.insert(path, source);
 }
 
-/// The uses of a module that is declared below the user, as `user → used`.
+/// Uses of a module that is declared below its user, as `user → used`.
 pub(crate) fn backward(modules: &BTreeMap<Vec<String>, Source>) -> Vec<String> {
     let mut found = Vec::new();
     for (user, source) in modules {
@@ -167,7 +170,8 @@ pub(crate) fn backward(modules: &BTreeMap<Vec<String>, Source>) -> Vec<String> {
     found
 }
 
-/// The module of a path from `user`.
+/// The module that a path refers to, if the path occurs in the module `user`. `None` if the path
+/// does not begin in this crate.
 fn resolve(
     user: &[String],
     path: &[String],

@@ -1,5 +1,5 @@
-//! Browser faults: nothing acknowledged is lost, nothing is stored twice, and one sentence tells
-//! the participant what happens next.
+//! Browser faults: nothing acknowledged is lost, nothing is stored twice, and a sentence says what
+//! the participant can expect next.
 
 mod network;
 mod returns;
@@ -16,7 +16,7 @@ use sidestep::vehicle::TurnInput;
 use sidestep_tests::{Browser, Server, Tab};
 use std::collections::BTreeSet;
 
-/// One task.
+/// A study with one task.
 const ONE_TASK: &str = r#"
 slug = "default"
 title = "Short"
@@ -25,13 +25,13 @@ phases = [{ phase = "task", scenes = 1 }]
 countdown_s = 1
 "#;
 
-/// The study with repetition of interrupted tasks. A stall of the machine interrupts one too, so
-/// only tests of interruptions have it.
+/// The study with repetition of interrupted tasks. A stall of the machine also interrupts a task,
+/// so only tests of interruptions use this setting.
 fn repeating(study: &str) -> String {
     study.replace("[trials]", "[trials]\nrepeat_interrupted = true")
 }
 
-/// Scenes of three seconds, preceded only by the instructions.
+/// A study with two scenes of three seconds, and without a comprehension check.
 const QUICK: &str = r#"
 slug = "default"
 title = "Quick"
@@ -48,7 +48,7 @@ end_s = 0.0
 standard = false
 "#;
 
-/// Takes part in such a study at this address, up to the first scene.
+/// Opens such a study at this address, and goes on to the first scene.
 async fn take_part(tab: &Tab, url: &str) {
     tab.go(url).await;
     crate::instructed(tab).await;
@@ -56,7 +56,7 @@ async fn take_part(tab: &Tab, url: &str) {
     tab.words("start").await;
 }
 
-/// Drives a scene without a turn, until the page continues.
+/// Drives a scene without turning, and waits until the page goes on.
 async fn glide(tab: &Tab) {
     tab.press("start").await;
     tab.words("scene").await;
@@ -68,8 +68,8 @@ async fn text(tab: &Tab) -> String {
     tab.eval("document.body.innerText").await
 }
 
-/// The trials of a participation that has ended with a code: as many as planned, each stored once
-/// and unchanged.
+/// Checks that the participation has ended with a code, and that as many trials as planned are
+/// stored, each once and unchanged. Returns the trials.
 async fn complete(tab: &Tab, server: &Server, scenes: usize) -> Vec<TrialDetail> {
     assert!(tab.words("completion-code").await.len() >= 8);
     let trials = stored(server).await;
@@ -107,7 +107,7 @@ async fn a_reload_in_a_scene_is_counted_and_the_scene_driven_again() {
     tab.until_step("scene", 12).await;
     tab.reload().await;
     drive(&tab, "ArrowLeft").await;
-    // It is marked, and repeated as a further attempt.
+    // The trial is flagged, and the task is repeated as a further attempt.
     tab.until_says("start", "Start").await;
     assert!(tab.eval::<String>("document.body.innerText").await.contains("Once more: task 1"));
     drive(&tab, "ArrowLeft").await;
@@ -116,7 +116,7 @@ async fn a_reload_in_a_scene_is_counted_and_the_scene_driven_again() {
     assert_eq!(trials.len(), 2);
     let flags = &trials[0].summary.flags;
     assert!(flags.contains(&Flag::Interrupted) && flags.contains(&Flag::ShownBefore), "{flags:?}");
-    // A stall of the machine interrupts a scene too, and its samples are late then.
+    // A stall of the machine also interrupts a scene, but then its samples are late.
     let again = &trials[1].summary.flags;
     let stalled = again.contains(&Flag::LateSample);
     assert!(stalled || !again.contains(&Flag::Interrupted), "{again:?}");
@@ -132,7 +132,7 @@ async fn the_later_of_two_tabs_takes_over() {
     let second = browser.open(&format!("{}/s/default", server.origin)).await;
     second.words("continue").await;
     assert!(first.words("elsewhere").await.contains("another tab"));
-    // Back to the first, which notifies the second.
+    // Go back to the first tab, which notifies the second.
     first.press("here").await;
     first.words("continue").await;
     assert!(second.words("elsewhere").await.contains("another tab"));
@@ -142,7 +142,7 @@ async fn the_later_of_two_tabs_takes_over() {
     browser.close().await;
 }
 
-/// Waits for five steps of the scene.
+/// Waits for five more steps of the scene.
 async fn five_steps(tab: &Tab) {
     let now: usize = tab.eval(&format!("Number({}.dataset.step)", Tab::at("scene"))).await;
     tab.until_step("scene", now + 5).await;
@@ -194,8 +194,8 @@ async fn the_wall_clock_may_jump() {
     assert!(tab.words("completion-code").await.len() >= 8);
     let trial = &stored(&server).await[0];
     assert!(trial.replay.exact);
-    // No sample is as early or late as the clock jumped. A stall of the machine interrupts a scene
-    // too.
+    // No sample is early or late by as much as the clock jumped. A stall of the machine also
+    // interrupts a scene.
     let sampled_at_ms = &sent(&tab).await[0].sampled_at_ms;
     let late = sampled_at_ms.iter().enumerate().map(|(step, at_ms)| at_ms - 200.0 * step as f64);
     let latest_ms = late.clone().fold(0.0, f64::max);

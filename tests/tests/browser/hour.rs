@@ -1,4 +1,4 @@
-//! The whole participation, page by page, in every language.
+//! The whole participation, page by page, in all languages.
 
 use crate::{LOOKS, answer_check, equipped, picture, start, take};
 use sidestep_tests::browser::WIDE;
@@ -72,7 +72,7 @@ completed_url = "https://app.prolific.com/submissions/complete?cc={code}"
 withdrawn_url = "https://app.prolific.com/submissions/complete?cc=LEFT"
 "#;
 
-/// Takes screenshots of every page for visual inspection.
+/// Takes part in the study, and takes screenshots of every page for visual inspection.
 async fn walk(tab: &Tab, server: &Server, language: &str) {
     let take = async |name: &str| take(tab, &format!("{name}-{language}")).await;
     tab.go(&format!("{}/s/default?PROLIFIC_PID=walk-{language}", server.origin)).await;
@@ -115,7 +115,8 @@ async fn walk(tab: &Tab, server: &Server, language: &str) {
     tab.picture(&format!("6-countdown-{language}")).await;
     tab.until_step("scene", 8).await;
     tab.key_down("ArrowLeft").await;
-    // A scene does not wait until it is checked; the next one does.
+    // This scene would move on during the checks, so only pictures are taken. The next scenes are
+    // checked.
     for look in LOOKS {
         picture(tab, &format!("7-scene-{language}"), look).await;
     }
@@ -156,7 +157,7 @@ async fn choose_language(tab: &Tab, language: &str) {
     tab.until(&format!("document.documentElement.lang === '{language}'")).await;
 }
 
-/// Before anyone takes part: the first page, a link without a proper id, and a touch screen.
+/// Pages before the consent: the first page, a link without a proper id, and a touch screen.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_pages_before_the_consent() {
     let (server, browser, tab) = start(WHOLE_STUDY).await;
@@ -182,7 +183,7 @@ async fn the_pages_before_the_consent() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_hour_in_every_language() {
     let server = Server::with_client(WHOLE_STUDY).await;
-    // Each in its own browser: a background tab gets no frames.
+    // Each language has its own browser, because a background tab gets no frames.
     let walks = ["en", "de", "es", "zh-CN"].map(async |language| {
         let browser = Browser::start().await;
         let tab = browser.open("about:blank").await;

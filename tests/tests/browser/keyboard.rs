@@ -1,18 +1,20 @@
-//! The whole participation without a mouse, at 200 % and with reduced motion: only with keys.
+//! The whole participation with the keyboard alone, at 200 % zoom and with reduced motion.
 
 use crate::hour::WHOLE_STUDY;
 use crate::start;
 use sidestep::api::{Texts, routes};
 use sidestep_tests::Tab;
 
-/// The focused element: its test name or tag name, and whether its focus is visible.
+/// The focused element: its test id or tag name, whether its focus is visible, and its vertical
+/// position on the page.
 const FOCUS: &str = "(() => { const at = document.activeElement, box = at.getBoundingClientRect(); \
     const style = getComputedStyle(at); \
     const marked = style.outlineStyle !== 'none' && parseFloat(style.outlineWidth) > 0; \
     const inside = box.top >= 0 && box.bottom <= innerHeight; \
     return [at.dataset.testid ?? at.tagName, marked && inside, box.top + scrollY] })()";
 
-/// Moves with the Tab key to a control. The focus is always visible, and never moves up the page.
+/// Moves the focus to a control with the Tab key. The focus is always visible, and never moves up
+/// the page.
 async fn reach(tab: &Tab, test_id: &str) {
     let mut above = f64::MIN;
     for _ in 0..20 {
@@ -47,7 +49,7 @@ async fn headed(tab: &Tab, test_id: &str) {
     tab.is_well().await;
 }
 
-/// Chooses the option at an index of a group that gets the focus.
+/// Moves the focus to a group, and chooses the option at index `place`.
 async fn choose(tab: &Tab, group: &str, first: &str, place: usize) {
     reach(tab, &format!("{group}-{first}")).await;
     tab.key(" ").await;
@@ -100,7 +102,7 @@ async fn the_hour_with_the_keyboard_alone() {
     headed(&tab, "continue").await;
     use_key(&tab, "continue", "Enter").await;
 
-    // The question whether to withdraw, from the menu, and back.
+    // Open the question whether to withdraw from the menu, and go back.
     tab.until(&format!("document.activeElement === {}", Tab::at("start"))).await;
     tab.picture("zoomed-ready").await;
     reach(&tab, "SUMMARY").await;

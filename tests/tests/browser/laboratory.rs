@@ -48,13 +48,13 @@ async fn wrong_addresses_and_keys_are_answered_in_words() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
     tab.go(&format!("{}/lab#key=not-the-key-at-all", server.origin)).await;
     assert_eq!(tab.words("trouble").await, "That key is not valid.");
-    // The input is still there after a response, and so is the focus.
+    // After a response, the input and the focus are still there.
     let key = Tab::at("key");
     tab.run(&format!("{key}.value = 'neither is this'")).await;
     tab.press("sign-in").await;
     tab.until(&format!("{} && !{}.disabled", Tab::at("trouble"), Tab::at("sign-in"))).await;
     assert_eq!(tab.eval::<String>(&format!("{key}.value")).await, "neither is this");
-    // The right link, pasted while the page is open.
+    // Paste the right link while the page is open.
     tab.run(&format!("location.hash = '#key={}'", server.key)).await;
     tab.until(&Tab::at("studies")).await;
     let address: String = tab.eval("location.href").await;
@@ -87,12 +87,12 @@ async fn the_laboratory_goes_from_page_to_page_without_loading() {
         tab.eval("[...document.querySelectorAll('time')].map(t => t.textContent)").await;
     assert!(times.len() == 2 && times.iter().all(|time| time.len() > 8), "{times:?}");
 
-    // To a replay, whose heading takes the focus, and back.
+    // Go to a replay, whose heading gets the focus, and back.
     tab.press("replay-link").await;
     until_predicted(&tab).await;
     assert!(tab.eval::<String>(title).await.starts_with("default / participant 1"));
     assert_eq!(tab.eval::<String>("document.activeElement.tagName").await, "H1");
-    // The canvas has as many pixels as its size, however that changes.
+    // The resolution of the canvas follows the canvas's size.
     let canvas = Tab::at("replay");
     let fits = format!("{canvas}.height === {canvas}.clientHeight");
     tab.until(&fits).await;
@@ -102,7 +102,7 @@ async fn the_laboratory_goes_from_page_to_page_without_loading() {
     tab.run("history.back()").await;
     tab.until(&Tab::at("trials")).await;
 
-    // To the other study, and to an address without a page.
+    // Go to the other study, and to an address without a page.
     tab.run("document.querySelector('nav a[href=\"/lab\"]').click()").await;
     tab.press("study-second").await;
     tab.until(&Tab::at("nobody")).await;
@@ -115,8 +115,8 @@ async fn the_laboratory_goes_from_page_to_page_without_loading() {
     browser.close().await;
 }
 
-/// Playback becomes a WebM file, from pressing the button to its last byte, also if the user goes
-/// to the next trial meanwhile.
+/// A replay can be recorded as a WebM file, from the press of the button to the last byte. The file
+/// is completed even if the user goes to the next trial meanwhile.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_replay_is_filmed() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
@@ -124,7 +124,7 @@ async fn a_replay_is_filmed() {
     sign_in(&tab, &server).await;
     tab.go(&format!("{}/lab/replay/{}?t=9", server.origin, sent[0].0)).await;
     until_predicted(&tab).await;
-    // Intercepts downloads.
+    // Intercept downloads.
     let offers = "offer = URL.createObjectURL, \
                   URL.createObjectURL = blob => (film = blob, offer.call(URL, blob))";
     tab.run(offers).await;
@@ -132,7 +132,7 @@ async fn a_replay_is_filmed() {
     tab.until("window.film").await;
     assert_eq!(tab.eval::<String>("film.type").await, "video/webm");
     let bytes: Vec<u8> = tab.eval("film.arrayBuffer().then(all => [...new Uint8Array(all)])").await;
-    // EBML, and the name of a codec that every browser plays.
+    // The bytes are EBML, and name a codec that every browser plays.
     assert_eq!(bytes[..4], [0x1a, 0x45, 0xdf, 0xa3]);
     assert!(bytes.windows(4).any(|name| name == b"V_VP"));
     assert!(bytes.len() > 5_000, "{} bytes", bytes.len());
@@ -194,7 +194,7 @@ async fn unequal_vehicles_have_level_sets_from_either_solver() {
     draws_level_sets_alone(&tab).await;
     take(&tab, "replay-solved-here").await;
 
-    // The bytes equal those of the native library, bit for bit.
+    // The bytes equal the bytes of the native library.
     let trial: TrialDetail = server.admin(&routes::admin_trial(&id)).await.into(200);
     for evader in Evader::ALL {
         assert_eq!(trial.value_function(evader), None);
@@ -226,7 +226,7 @@ async fn unequal_vehicles_have_level_sets_from_either_solver() {
     }
     tab.is_well().await;
 
-    // The same trial on a server that solves: no worker is started.
+    // On a server that solves, the same trial starts no worker.
     let server = server.restarted_with(None, |args| args.no_solve = false).await;
     let functions = || async {
         let trial: TrialDetail = server.admin(&routes::admin_trial(&id)).await.into(200);
@@ -250,14 +250,14 @@ async fn until_regions(tab: &Tab) {
     tab.until(&Tab::at("regions")).await;
 }
 
-/// A solver that is slow, is stopped, fails, or is missing.
+/// Cases: the solver is slow, is stopped, fails, or is missing.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_solve_shows_progress_stops_and_fails_in_words() {
     let server = Server::with_client_and(UNEQUAL_STUDY, |args| args.no_solve = true).await;
     let id = drive_unequal(&server).await;
     let browser = Browser::start().await;
     let tab = browser.open("about:blank").await;
-    // Replaces the browser's own: stops at 42 %.
+    // Replaces the browser's `Worker` by one that stays at 42 %.
     tab.before_pages(
         "window.ended = 0; window.RealWorker = Worker; window.Worker = class { constructor() { \
          setTimeout(() => this.onmessage(new MessageEvent('message', {data: 0.42})), 50); } \
@@ -272,7 +272,7 @@ async fn a_solve_shows_progress_stops_and_fails_in_words() {
     assert!(tab.words("unsolved").await.contains("stopped"));
     assert_eq!(tab.eval::<usize>("ended").await, 2);
     take(&tab, "replay-unsolved").await;
-    // A missing program.
+    // The solver's program is missing.
     tab.run(
         "window.failed = 0, window.Worker = class extends RealWorker { \
          constructor(program, options) { super(program + '-gone.js', options); \
@@ -281,9 +281,9 @@ async fn a_solve_shows_progress_stops_and_fails_in_words() {
     .await;
     tab.press("solve-again").await;
     tab.until_says("unsolved", "could not be loaded").await;
-    // Both games: the one that fails later would not be solved again.
+    // Wait until both games have failed, because a game that fails later would not be solved again.
     tab.until("failed === 2").await;
-    // With the real worker everything works.
+    // With the real `Worker`, the solve succeeds.
     tab.run("window.Worker = RealWorker").await;
     tab.press("solve-again").await;
     until_regions(&tab).await;
@@ -332,7 +332,7 @@ async fn every_page_fits_its_window() {
     assert_eq!(out.status(), 401);
     tab.go(&format!("{}/lab", server.origin)).await;
     tab.words("key").await;
-    // The browser itself logs the expected 401.
+    // The browser logs the expected 401 as an error, so `is_well` would fail here.
     for (size, name) in [(WIDE, "sign-in-1280-light"), (NARROW, "sign-in-390-light")] {
         tab.look(size, false).await;
         tab.until_painted().await;

@@ -1,4 +1,4 @@
-//! Actions of participants and experimenters, in a real browser.
+//! Participants and experimenters in a real browser.
 
 mod hour;
 mod keyboard;
@@ -21,7 +21,7 @@ use sidestep_tests::{Browser, Server, Tab};
 const HUMAN: [u8; 3] = colours::HUMAN.light;
 const ROBOT: [u8; 3] = colours::ROBOT.light;
 
-/// A server with this study, a browser and an empty tab of it.
+/// Starts a server with this study, and a browser with an empty tab.
 async fn start(study: &str) -> (Server, Browser, Tab) {
     let server = Server::with_client(study).await;
     let browser = Browser::start().await;
@@ -41,7 +41,7 @@ async fn until_predicted(tab: &Tab) {
     tab.until_says("regions", "5.33").await;
 }
 
-/// The names of the page's records in the browser.
+/// The names of the records that the page has stored in the browser.
 async fn kept(tab: &Tab) -> Vec<String> {
     let names = "new Promise(done => indexedDB.open('sidestep').onsuccess = event => { \
                  const store = event.target.result.transaction('kept').objectStore('kept'); \
@@ -61,7 +61,7 @@ async fn sent(tab: &Tab) -> Vec<TrialUpload> {
     sent.iter().map(|text| serde_json::from_str(text).expect("a trial")).collect()
 }
 
-/// The trials on the server, oldest first.
+/// The trials that the server has stored, oldest first.
 async fn stored(server: &Server) -> Vec<TrialDetail> {
     let page: TrialPage = server.admin(&routes::admin_trials("default")).await.into(200);
     let mut trials = Vec::new();
@@ -78,11 +78,12 @@ async fn sign_in(tab: &Tab, server: &Server) {
     assert!(!address.contains(&server.key), "the key must leave the address");
 }
 
-/// The looks of every page: the window's size, and whether it is dark.
+/// The looks in which every page is checked: the size of the window, and whether the colour scheme
+/// is dark.
 const LOOKS: [((u32, u32), bool); 4] =
     [(WIDE, false), (WIDE, true), (NARROW, false), (NARROW, true)];
 
-/// Takes screenshots of a page in every look, and checks each.
+/// Takes a screenshot of a page in every look, and checks the page in every look.
 async fn take(tab: &Tab, name: &str) {
     for look in LOOKS {
         picture(tab, name, look).await;
@@ -98,7 +99,7 @@ async fn picture(tab: &Tab, name: &str, (size, dark): ((u32, u32), bool)) {
     tab.picture(&format!("{name}-{}-{scheme}", size.0)).await;
 }
 
-/// Checks that both level sets are on the canvas: pixels disappear when they are switched off.
+/// Checks that both level sets are drawn: switching a level set off removes pixels of its colour.
 async fn draws_level_sets(tab: &Tab) {
     for (layer, colour) in [("v-hr", HUMAN), ("v-rh", ROBOT)] {
         let with = count_pixels(&tab.picture("level-set").await, colour);
@@ -109,7 +110,7 @@ async fn draws_level_sets(tab: &Tab) {
     }
 }
 
-/// The same without the other layers, which might cover them.
+/// Like [`draws_level_sets`], but without the other layers, which might cover the level sets.
 async fn draws_level_sets_alone(tab: &Tab) {
     let others = ["trail", "danger-zone", "shfrs", "future"];
     for layer in others {

@@ -12,7 +12,7 @@ use std::time::Duration;
 const STUDY: &str =
     "slug = \"default\"\ntitle = \"Short\"\nphases = [{ phase = \"task\", scenes = 8 }]\n";
 
-/// The id of an analysis of the study, once it is done.
+/// Starts an analysis of the study, waits until it is done, and returns its id.
 async fn analysed(server: &Server) -> String {
     let request = server.request(Method::POST, &routes::admin_analyses("default"));
     let request = request.bearer_auth(&server.key).json(&json!({ "paper_only": true }));
@@ -59,7 +59,7 @@ async fn a_model_goes_from_the_list_to_a_replay() {
     tab.until_says("range", "1–9 of 9").await;
     tab.until_search("?participant=2&model=lr&experiment=1").await;
 
-    // The selection is in the address; the file exists.
+    // The selection is in the address, and the file exists.
     tab.reload().await;
     tab.until_says("range", "1–9 of 9").await;
     let file = format!(
@@ -79,7 +79,8 @@ async fn a_model_goes_from_the_list_to_a_replay() {
     let linked = search(&tab).await;
     take(&tab, "replay-held-out").await;
 
-    // The first one was not: a warning, at the same time of the trial, and in the address.
+    // The first task was used in training, so there is a warning. The time in the trial stays, and
+    // the model is in the address.
     tab.go(&format!("{}/lab/replay/{}", server.origin, drivers[1].scenes()[0].0)).await;
     until_predicted(&tab).await;
     tab.enter("slider", "3.4").await;
@@ -108,7 +109,7 @@ async fn a_model_goes_from_the_list_to_a_replay() {
     tab.until(&Tab::at("trained-on-this")).await;
     tab.until_says("choose-predictor", "Decision tree on hrd, ").await;
     assert_eq!(tab.eval::<String>(&chosen).await, model);
-    // A model of another kind, and one of the other participant by a link.
+    // Choose a model of another kind, and follow a link to a model of the other participant.
     tab.enter("choose-predictor", &format!("{id}/models/svm_rbf-1-hrd_body-2.json")).await;
     tab.until_says("predictor", "SVM, RBF kernel on hrd_body").await;
     tab.until(&Tab::at("regions")).await;

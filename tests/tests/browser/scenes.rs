@@ -1,4 +1,4 @@
-//! Participants: from a key press to a predicted set, and data that survive failures.
+//! Participants, from a key press to a predicted set, and data that survive failures.
 
 use crate::{
     HUMAN, REMEMBER, ROBOT, begin, draws_level_sets, drive, instructed, kept, sent, sign_in, start,
@@ -16,7 +16,7 @@ async fn a_scene_from_key_press_to_predicted_set() {
     tab.before_pages(REMEMBER).await;
     begin(&tab, &server).await;
 
-    // Drive, and inspect the canvas meanwhile.
+    // Drive the scene, and inspect the canvas meanwhile.
     tab.press("start").await;
     tab.until_step("scene", 5).await;
     tab.key_down("ArrowLeft").await;
@@ -40,8 +40,8 @@ async fn a_scene_from_key_press_to_predicted_set() {
     assert!(trial.replay.exact, "{:?}", trial.replay);
     assert_eq!(trial.replay.max_position_error_m, 0.0);
     let lefts: Vec<_> = (0..50).filter(|&i| trial.inputs[i] == TurnInput::Left).collect();
-    // Left in every step that was due while the key was down, about 35 steps: the exact number
-    // depends on the machine.
+    // The input is left in every step that was due while the key was down. These are about 35
+    // steps; the exact number depends on the machine.
     let events = sent(&tab).await.swap_remove(0).key_events;
     let times: Vec<_> =
         events.iter().map(|event| (&event.key[..], event.down, event.t_ms)).collect();
@@ -54,7 +54,7 @@ async fn a_scene_from_key_press_to_predicted_set() {
     assert!(held.len() > 10, "{times:?}");
     assert!(trial.inputs.iter().all(|&input| input != TurnInput::Right));
 
-    // It is in the export.
+    // The trial is in the export.
     let export = server.export("default").await;
     let mut reader = csv::Reader::from_reader(export.as_bytes());
     let headers = reader.headers().expect("a header").clone();
@@ -68,7 +68,7 @@ async fn a_scene_from_key_press_to_predicted_set() {
         assert_eq!(number(omega), 0.5 * f64::from(trial.inputs[i].sign()));
     }
 
-    // It is replayed with all layers drawn.
+    // The trial is replayed, and all layers are drawn.
     sign_in(&tab, &server).await;
     tab.press("study-default").await;
     tab.press("tab-trials").await;
@@ -108,7 +108,7 @@ async fn a_server_that_is_down_loses_nothing() {
     until_saved(&tab).await;
     assert_eq!(stored(&server).await.len(), 1);
 
-    // Down again, and the page is closed before the server is back.
+    // The server is down again, and the page is closed before the server is back.
     tab.press("start").await;
     tab.until_step("scene", 10).await;
     let stopped = server.stop().await;

@@ -1,4 +1,4 @@
-//! A synthetic participant at the real page: the whole protocol at high speed.
+//! A synthetic participant on the real page drives the whole protocol at high speed.
 
 use crate::{REMEMBER, sent, start};
 use sidestep::api::{StudySummary, routes};
@@ -13,13 +13,13 @@ async fn the_whole_protocol_is_rehearsed_in_a_minute() {
     tab.before_pages(REMEMBER).await;
     tab.go(&format!("{}/s/default?simulate=7&speed=30", server.origin)).await;
     let code = tab.words("completion-code").await;
-    // It is a pilot: none of it is part of the data.
+    // The participation is a pilot, so it is not part of the data.
     assert!(code.starts_with("PILOT-"), "{code}");
     let studies: Vec<StudySummary> = server.admin(routes::ADMIN_STUDIES).await.into(200);
     assert_eq!((studies[0].participants, studies[0].trials), (0, 0));
 
-    // Every scene was driven with keys, and replays exactly. (At this speed a millisecond of the
-    // machine is 30 of the page, so a press may be in another step than intended.)
+    // Every scene was driven with keys, and replays exactly. (At this speed, a millisecond of the
+    // machine is 30 ms of the page, so a key press may fall in another step than intended.)
     let sent = sent(&tab).await;
     assert!(sent.len() >= 59, "{} trials", sent.len());
     let parameters = SceneParameters::default();
@@ -41,7 +41,7 @@ async fn a_participant_has_no_simulator_and_no_other_clock() {
     tab.go(&format!("{}/s/default?speed=50", server.origin)).await;
     super::instructed(&tab).await;
     super::understood(&tab, &server, "en").await;
-    // Measured from before the scene begins: a busy machine only makes it longer.
+    // The measurement starts before the scene, so a busy machine can only make the time longer.
     let before = Instant::now();
     tab.press("start").await;
     tab.until_step("scene", 11).await;

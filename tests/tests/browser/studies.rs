@@ -23,7 +23,7 @@ async fn a_study_is_watched_as_it_runs() {
     tab.until(&Tab::at("nobody")).await;
     take(&tab, "participants-none").await;
 
-    // People come and drive; the page shows it without a reload.
+    // People join and drive, and the page shows this without a reload.
     tab.run("window.loadedOnce = true").await;
     let finishes = come(&server, "5f3a9c").await;
     tab.until_says("participants", "joined").await;
@@ -42,7 +42,7 @@ async fn a_study_is_watched_as_it_runs() {
     tab.run("document.querySelector('.meanings').open = true").await;
     take(&tab, "participants-meanings").await;
 
-    // Sorted, filtered and searched.
+    // Sort, filter and search the list.
     tab.press("sort-stored").await;
     tab.until("document.querySelector('.people th[aria-sort=descending]')").await;
     tab.press("sort-number").await;
@@ -57,7 +57,7 @@ async fn a_study_is_watched_as_it_runs() {
     tab.until(&format!("{is_first} === '2'")).await;
     tab.until("document.querySelectorAll('.people tbody tr').length === 1").await;
     assert!(tab.eval::<bool>("window.loadedOnce").await);
-    // The address brings the same list again.
+    // The address restores the same list.
     tab.reload().await;
     tab.until("document.querySelectorAll('.people tbody tr').length === 1").await;
     assert_eq!(tab.eval::<String>(&format!("{}.value", Tab::at("search"))).await, "77BE01");
@@ -111,7 +111,7 @@ async fn keys_are_made_and_revoked() {
     tab.until_says("audit", "key made").await;
     take(&tab, "access").await;
 
-    // Its link signs in, with only that access.
+    // The link of the key signs in with only this access.
     let link = tab.words("sign-in-link").await;
     let guest = Browser::start().await;
     let other = guest.open(&link).await;
@@ -156,7 +156,7 @@ async fn a_study_is_made_changed_and_closed_in_the_browser() {
     let first: Enrolled = Driver::ask_in(&server, "pilot", body.clone()).await.into(201);
     assert_eq!(first.plan.scenes().count(), 12);
 
-    // Another number of scenes, for later participants.
+    // Change the number of scenes for later participants.
     tab.reload().await;
     tab.until(&Tab::at("design")).await;
     tab.press("as-text").await;
@@ -203,7 +203,7 @@ async fn a_study_is_made_in_the_form() {
     tab.enter("field-slug", "in-a-form").await;
     tab.press("field-phases.practice").await;
     tab.until(&format!("!{}", Tab::at("field-phases[2].scenes"))).await;
-    // Typed with keys, so the fields must stay while the server checks.
+    // The number is typed with keys, so the fields must stay while the server checks the draft.
     tab.run(&format!("{}.select()", Tab::at("field-phases[1].scenes"))).await;
     for key in ["1", "2"] {
         tab.key(key).await;
@@ -237,7 +237,7 @@ async fn a_study_is_made_in_the_form() {
     assert_eq!(tab.eval::<String>(&number).await, "12");
     tab.press("store").await;
     tab.until("location.pathname === '/lab/studies/in-a-form/configuration'").await;
-    // A new study is closed: it is tried, and then opened.
+    // A new study is closed, so that it can be tried before it is opened.
     tab.until(&Tab::at("set-open")).await;
     take(&tab, "configuration-closed").await;
     let body = json!({ "consent": true, "external_id": "p1" });
@@ -248,8 +248,8 @@ async fn a_study_is_made_in_the_form() {
     assert!(page.words("completion-code").await.starts_with("PILOT-"));
     page.is_well().await;
     rehearsal.close().await;
-    // Participants of a service would have no way back: there is a warning, and opening takes a
-    // second press.
+    // Participants from a recruiting service would have no way back. Therefore there is a warning,
+    // and opening takes a second press.
     tab.press("set-open").await;
     tab.until_says("opening", "completed_url").await;
     tab.press("not-yet").await;
@@ -260,7 +260,7 @@ async fn a_study_is_made_in_the_form() {
     let first: Enrolled = Driver::ask_in(&server, "in-a-form", body).await.into(201);
     assert_eq!(first.plan.scenes().count(), 18);
 
-    // Another number, for later participants; nothing is lost by accident.
+    // Change the number for later participants. Nothing is lost by accident.
     tab.until(&Tab::at("design")).await;
     tab.until(&Tab::at("field-phases[1].scenes")).await;
     tab.enter("field-phases[1].scenes", "10").await;
@@ -294,7 +294,7 @@ async fn an_analysis_is_started_and_read_in_the_browser() {
     take(&tab, "analyses-none").await;
     tab.press("ask").await;
     tab.until_says("analyses", "done").await;
-    // Another analysis, to compare it with.
+    // Start another analysis for the comparison.
     tab.run(&format!("{}.querySelector('[name=leakage]').click()", Tab::at("new-analysis"))).await;
     tab.press("ask").await;
     let both = format!("{}.innerText.match(/done/g)?.length === 2", Tab::at("analyses"));
@@ -329,7 +329,7 @@ async fn a_study_is_taken_away_in_the_browser() {
     come(&server, "5f3a9c").await.drive(&server, 5).await;
     tab.until(&Tab::at("export-form")).await;
     take(&tab, "export").await;
-    // Content of the download.
+    // Check the content of the download.
     tab.press("format-parquet").await;
     let form = Tab::at("export-form");
     let query = format!("new URLSearchParams(new FormData({form})).toString()");

@@ -1,5 +1,5 @@
-//! Pages with heavy drawing and computing. Tests run in the order of their names, so that these
-//! come last, after those that measure the timing of steps.
+//! Pages with heavy drawing and computing. Tests run in the order of their names, so these tests
+//! run last, after the tests that measure the timing of steps.
 
 mod beside;
 mod demo;

@@ -8,7 +8,7 @@ use sidestep_tests::{Driver, Server, driven};
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpStream};
 
-/// An upload as raw HTTP.
+/// An upload as a raw HTTP request.
 fn request(server: &Server, driver: &Driver, trial_id: &str, body: &[u8]) -> Vec<u8> {
     let host = server.origin.trim_start_matches("http://");
     let (route, token) = (routes::my_trial(trial_id), &driver.enrolled.token);
@@ -29,7 +29,7 @@ fn connect(server: &Server) -> TcpStream {
 /// Waits until the server has closed the connection, and returns its response.
 fn rest(mut stream: TcpStream) -> Vec<u8> {
     let mut answer = Vec::new();
-    // A connection that is reset sends nothing more either.
+    // A connection that was reset sends nothing more.
     let _ = stream.read_to_end(&mut answer);
     answer
 }
@@ -48,7 +48,7 @@ async fn an_upload_that_breaks_off_stores_nothing_and_arrives_later() {
         let trial = driven(&scene);
         let whole = request(&server, &driver, &trial_id, &serde_json::to_vec(&trial).unwrap());
         let before = stored(&server, &driver).await;
-        // In the head, in the body, and before the last byte.
+        // The upload breaks off in the head, in the body, or before the last byte.
         let mut lengths: Vec<usize> = (0..12).map(|_| rng.below(whole.len())).collect();
         lengths.extend([1, whole.len() - 1]);
         for length in lengths {
@@ -72,7 +72,7 @@ async fn whoever_is_gone_before_the_answer_finds_the_trial_once() {
         let trial = driven(&scene);
         let whole = request(&server, &driver, &trial_id, &serde_json::to_vec(&trial).unwrap());
         let before = stored(&server, &driver).await;
-        // Many at once, as from an unstable network.
+        // Many uploads at once, as from an unstable network.
         for _ in 0..20 {
             connect(&server).write_all(&whole).unwrap();
         }
@@ -92,7 +92,7 @@ async fn slow_clients_hold_up_nobody_else() {
     let (trial_id, scene) = slow.scenes()[0].clone();
     let trial = driven(&scene);
     let whole = request(&server, &slow, &trial_id, &serde_json::to_vec(&trial).unwrap());
-    // Half a body or half a head each; then nothing.
+    // Each client sends half a body or a part of the head, and then nothing.
     let mut waiting = Vec::new();
     for number in 0..SLOW {
         let mut stream = connect(&server);
@@ -111,7 +111,7 @@ async fn slow_clients_hold_up_nobody_else() {
     assert_eq!(&answer, b"HTTP/1.1 201");
     drop(waiting);
     assert_eq!(stored(&server, &slow).await, std::slice::from_ref(&trial_id));
-    // The same again, over another kind of connection.
+    // The same upload again, from another HTTP client.
     let put = slow.request(&server, Method::PUT, &routes::my_trial(&trial_id)).json(&trial);
     assert_eq!(put.send().await.unwrap().status(), 200);
 }

@@ -13,7 +13,8 @@ fn library() -> Option<PathBuf> {
     found.find(|library| library.is_file())
 }
 
-/// A day back, an hour forward, years forward and back, also before 1970, during a participation.
+/// During a participation, the clock jumps by a day back, an hour forward, years forward and back,
+/// and to before 1970.
 #[tokio::test]
 async fn steps_of_the_clock_lose_and_double_nothing() {
     let library = library().expect("libfaketime (Debian: apt-get install libfaketime)");
@@ -48,7 +49,7 @@ async fn steps_of_the_clock_lose_and_double_nothing() {
         assert_eq!(detail.status, 200, "{offset}: {}", detail.body);
         received.push(detail.body["received_at_ms"].as_i64().unwrap());
     }
-    // The steps were really taken.
+    // Check that the clock really jumped.
     let [before, back, _, years, ..] = received[..] else { panic!("{received:?}") };
     assert!(before - back > 80_000_000 && years - before > 19 * 365 * 86_400_000, "{received:?}");
     assert!(received[5] < years, "{received:?}");

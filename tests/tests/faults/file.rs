@@ -1,4 +1,4 @@
-//! A database that is read-only, or that only its server may write to.
+//! A database that is read-only or that cannot be used, and commands that must not change it.
 
 use sidestep::api::Progress;
 use sidestep_tests::process::{Said, binary};
@@ -14,7 +14,7 @@ async fn a_read_only_database_is_refused_and_unchanged() {
     let driver = Driver::enrol(&server).await;
     let sent = driver.drive(&server, 2).await;
     server.kill().await;
-    // The log is written back, so that there is one file to compare.
+    // Write the log back into the database, so that there is only one file to compare.
     let database = folder.database("sidestep.db");
     sidestep_tests::behind(&database).execute("PRAGMA wal_checkpoint(TRUNCATE)").await.unwrap();
     let file = folder.path("sidestep.db");
@@ -24,7 +24,7 @@ async fn a_read_only_database_is_refused_and_unchanged() {
         std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
     };
     set(&file, 0o400);
-    // Root could still write, so it drops that privilege.
+    // Root could still write, so the process drops this capability.
     let is_root = std::fs::metadata("/proc/self").unwrap().uid() == 0;
     let launcher =
         if is_root { &["setpriv", "--bounding-set=-dac_override"][..] } else { &["env"] };
@@ -34,7 +34,7 @@ async fn a_read_only_database_is_refused_and_unchanged() {
         command.args(&launcher[1..]).arg(binary()).args(args).args(["--database", &database]);
         Said::from(command.env_remove("SIDESTEP_ADMIN_KEY").output().unwrap())
     };
-    // SQLite opens a read-only file, in a folder that is writable or not.
+    // SQLite opens a read-only file, whether or not its folder is writable.
     for folder_mode in [0o700, 0o500] {
         set(folder.root(), folder_mode);
         let serve = said(&["serve", "--listen", "127.0.0.1:0", "--static", &site]);
@@ -71,7 +71,8 @@ async fn commands_that_read_leave_an_unclosed_database_as_it_is() {
     assert!(content() == before, "a command has changed the database");
 }
 
-/// SQLite would only say that it cannot open it, wait forever, or create a log for each name.
+/// For these paths, SQLite would only say that it cannot open the file, or wait forever, or create
+/// a separate log for each name of the file.
 #[tokio::test]
 async fn what_is_no_file_of_one_name_is_refused_with_the_reason() {
     let folder = Folder::default();
@@ -105,7 +106,8 @@ async fn what_is_no_file_of_one_name_is_refused_with_the_reason() {
             said.refused(2, &["--from", name]);
         }
     }
-    // A reader needs no log; through a symbolic link there is only one log, that of the file.
+    // A command that only reads needs no log. A symbolic link leads to the same log as the file
+    // itself.
     for name in ["sidestep.db", "twin.db"] {
         let database = folder.database(name);
         for args in [&serve[..], &import] {
@@ -121,7 +123,8 @@ async fn what_is_no_file_of_one_name_is_refused_with_the_reason() {
     assert!(files.iter().all(|name| !folder.path(name).exists()));
 }
 
-/// If the index of the log is missing, SQLite creates another one, unaware of the server's.
+/// If the index of the log is missing, SQLite creates a new one and does not notice that the server
+/// uses another.
 #[tokio::test]
 async fn commands_refuse_another_index_of_the_log_than_the_server_has() {
     for is_replaced in [false, true] {

@@ -1,4 +1,4 @@
-//! SIGKILL while people upload.
+//! A server is killed (SIGKILL) while people upload.
 
 use sidestep_tests::load::kills::{Kills, kill};
 use sidestep_tests::load::{Crowd, compare};

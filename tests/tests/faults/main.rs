@@ -1,12 +1,12 @@
-//! Faults around a server: it is killed, loses power, its clock jumps, its clients are slow, broken
-//! or gone, its file is read-only. Nothing acknowledged is lost, nothing is stored twice, and the
-//! service recovers.
+//! Faults of a server and its environment. The server is killed or loses power, its clock jumps,
+//! its clients are slow, broken or gone, or its file is read-only. Nothing acknowledged is lost,
+//! nothing is stored twice, and the service recovers.
 //!
-//! A lock of another process, a full disk and a deleted database are in `api/trouble.rs`, browser
-//! faults in `browser/faults.rs`. `cargo xtask bench faults` kills and cuts many times, and
-//! measures how fast the service recovers.
+//! A lock of another process, a full disk and a deleted database are tested in `api/trouble.rs`,
+//! and browser faults in `browser/faults.rs`. `cargo xtask bench faults` makes many kills and power
+//! cuts, and measures how fast the service recovers.
 
-// Helpers outside `#[test]` functions are tests too.
+// Clippy permits `unwrap` in `#[test]` functions. Helpers outside them are also test code.
 #![allow(clippy::unwrap_used)]
 
 mod clients;

@@ -1,8 +1,8 @@
-//! Everything an operator can do to the file of a database, at any time, before any command.
+//! Everything that an operator can do to a database file, at any time, followed by every command.
 //!
-//! After each fault, `check` reports only complete, existing databases as sound; and every
-//! acknowledged trial is in the file, in a file that the operator has moved elsewhere, or in one
-//! named by an error message.
+//! After each fault, `check` reports only complete, existing databases as sound. Every acknowledged
+//! trial is in the database file, in a file that the operator has moved elsewhere, or in a file
+//! that an error message names.
 
 use sidestep_tests::process::Said;
 use sidestep_tests::{Driver, Folder, Process, driven, run};
@@ -12,8 +12,8 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// A fault of the file `study.db`. `other.db` is another study's; `older.db` a raw copy of an
-/// earlier state.
+/// A fault of the file `sidestep.db`. `other.db` is another database, and `backup.db` is a backup
+/// of an earlier state of `sidestep.db`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
     Delete,
@@ -72,8 +72,8 @@ impl Fault {
         }
     }
 
-    /// Without its log, a database is a valid earlier state, which only a running server can
-    /// detect.
+    /// Whether only a running server can detect the fault, because the file without its log is a
+    /// valid earlier state.
     fn is_of_a_server(self) -> bool {
         matches!(self, Self::EmptyLog | Self::DeleteLog | Self::DeleteIndex)
     }
@@ -110,7 +110,7 @@ struct Place {
     folder: Folder,
     /// Acknowledged trials.
     acknowledged: BTreeSet<String>,
-    /// Trials of the other and the older database.
+    /// The trials in the backup, and the trials in the other database.
     known: Vec<BTreeSet<String>>,
 }
 
@@ -123,7 +123,7 @@ impl Place {
         self.folder.database("sidestep.db")
     }
 
-    /// A database with six trials, two of which the older copy has, and another database.
+    /// Creates a database with four trials, of which the backup has two, and another database.
     async fn new() -> (Self, Process, Driver) {
         let folder = Folder::default();
         let server = Process::start(&folder).await;
@@ -154,7 +154,7 @@ impl Place {
         (Self { folder, acknowledged, known: vec![older, other] }, server, driver)
     }
 
-    /// Inflicts the fault.
+    /// Causes the fault.
     fn suffer(&self, fault: Fault) {
         let [file, other, backup] =
             ["sidestep.db", "other.db", "backup.db"].map(|name| self.path(name));
@@ -174,7 +174,7 @@ impl Place {
             Fault::CopyOver | Fault::CatOver => {
                 let from = if fault == Fault::CopyOver { &backup } else { &other };
                 let bytes = std::fs::read(from).unwrap();
-                // In place, as cp and cat do.
+                // Overwrite the file in place, as cp and cat do.
                 let mut to =
                     std::fs::OpenOptions::new().write(true).truncate(true).open(&file).unwrap();
                 std::io::Write::write_all(&mut to, &bytes).unwrap();
@@ -222,7 +222,7 @@ impl Place {
     }
 }
 
-/// The trials in a copy of a file with its log; `None` if it cannot be read.
+/// The trials in a copy of a file with its log. `None` if the copy cannot be read.
 async fn trials(file: &Path) -> Option<BTreeSet<String>> {
     let copy = Folder::default();
     std::fs::copy(file, copy.path("copy.db")).ok()?;
@@ -241,7 +241,7 @@ async fn trials(file: &Path) -> Option<BTreeSet<String>> {
     reading.await.ok()
 }
 
-/// The outcome of one fault.
+/// Runs a case and describes its outcome.
 async fn case(fault: Fault, moment: Moment) -> String {
     let (mut place, server, driver) = Place::new().await;
     let mut said = String::new();
@@ -286,12 +286,13 @@ async fn case(fault: Fault, moment: Moment) -> String {
         }
     }
     if fault == Fault::HideByMode {
-        // Root can still read it.
+        // Root can read the file anyway, so it becomes readable again before the commands run.
         std::fs::set_permissions(place.path("sidestep.db"), std::fs::Permissions::from_mode(0o600))
             .unwrap();
     }
     let log = std::fs::read(place.path("sidestep.db-wal")).ok().filter(|log| !log.is_empty());
-    // Every command, on the file in its current state. What one of them calls sound must be sound.
+    // Run every command on the file in its current state. If a command calls the file sound, the
+    // file must be sound.
     let database = place.database();
     let out = |name: &str| place.folder.name(name);
     let mut states = Vec::new();
@@ -342,7 +343,7 @@ async fn case(fault: Fault, moment: Moment) -> String {
             said += &error;
         }
     }
-    // Nor does the test merge a file and a log that commands refuse together.
+    // The test does not combine a file and a log that the commands refuse to combine.
     let is_sound = states.iter().any(|state| state == "check 0");
     let mut keepers = place.keepers().await;
     keepers.retain(|name| name != "sidestep.db" || is_sound);
@@ -360,7 +361,7 @@ async fn case(fault: Fault, moment: Moment) -> String {
         "{fault:?} {moment:?}: nobody says that {keepers:?} has them: {said}"
     );
     if fault == Fault::RenameAway {
-        // Its log stayed behind. The message gives instructions.
+        // The log stayed behind, and the message says what to do.
         assert!(said.contains("put its database back beside it"), "{said}");
         std::fs::rename(place.path("aside.db"), place.path("sidestep.db")).unwrap();
         assert!(!place.keepers().await.is_empty(), "{fault:?} {moment:?}: {said}");
@@ -372,14 +373,14 @@ async fn case(fault: Fault, moment: Moment) -> String {
         assert!(!place.keepers().await.is_empty(), "{fault:?} {moment:?}: {said}");
         return format!("{states} | all in `sidestep.db`");
     }
-    // The operator has destroyed content. The rest stays unchanged, and a message says where it is,
+    // The operator has destroyed content. The rest stays unchanged, and a message says where it is
     // or how to save it.
     let destroyed = match fault {
         Fault::Truncate | Fault::CopyOver | Fault::CatOver => true,
         Fault::Delete | Fault::RenameOver | Fault::BackupOver | Fault::HalfCopy => {
             matches!(moment, Moment::AfterKill | Moment::AfterStop)
         }
-        // It replaced the log of the file.
+        // These faults destroyed the content of the log.
         Fault::StrangeLog | Fault::EmptyLog | Fault::OverwriteLog => true,
         _ => false,
     };
@@ -428,7 +429,7 @@ async fn whatever_is_done_to_the_file_nothing_is_merged_or_lost_in_silence() {
     eprintln!("{table}");
 }
 
-/// SQLite has cached pages and notices nothing until it reads them again.
+/// SQLite has cached pages, so it does not notice the damage until it reads them again.
 #[tokio::test]
 async fn a_page_that_is_overwritten_in_place_is_noticed() {
     let folder = Folder::default();
@@ -441,11 +442,11 @@ async fn a_page_that_is_overwritten_in_place_is_noticed() {
     assert_eq!(driver.send(&server, &first.0, &driven(&first.1)).await.status, 201);
     let path = folder.path("sidestep.db");
     let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
-    // Touching the file damages nothing.
+    // A new modification time is not damage.
     file.set_modified(std::time::SystemTime::now()).unwrap();
     tokio::time::sleep(Duration::from_secs(1)).await;
     assert_eq!(server.get("/readyz").await.status, 200);
-    // A page with the browser's display data.
+    // Overwrite a page with the browser's display data.
     let content = std::fs::read(&path).unwrap();
     let is_of_trial = |page: &[u8]| page.windows(10).any(|part| part == b"refresh_hz");
     let page = content.chunks(4096).position(is_of_trial).unwrap() as u64;
@@ -458,7 +459,7 @@ async fn a_page_that_is_overwritten_in_place_is_noticed() {
     let ready = server.get("/readyz").await.body.to_string();
     assert!(ready.contains("damaged"), "{ready}");
     assert_eq!(driver.send(&server, &second.0, &driven(&second.1)).await.status, 503);
-    // If the file is deleted too, the server's open file is the only copy.
+    // If the file is also deleted, the server's open file is the only copy.
     let database = folder.database("sidestep.db");
     let aside = folder.path("aside.db");
     std::fs::rename(&path, &aside).unwrap();
@@ -481,7 +482,8 @@ async fn a_page_that_is_overwritten_in_place_is_noticed() {
         assert!(one == other && !one.is_empty(), "{rescued}");
     }
     std::fs::rename(&aside, &path).unwrap();
-    // No server runs on both, nor on the file alone, which it searches for damage once it runs.
+    // No server starts on the file with its log. A server starts on the file alone, but finds the
+    // damage while it runs.
     let damaged = sidestep_tests::Database::file(folder.root(), "sidestep.db");
     let refused = Process::try_start_on(&folder, &damaged).await.err().unwrap();
     assert!(refused.contains("not whole together") && refused.contains("salvage"), "{refused}");

@@ -1,4 +1,4 @@
-//! The PostgreSQL server that tests start for themselves.
+//! The PostgreSQL cluster that tests create for themselves.
 
 use sidestep_tests::postgres::{Cluster, Fsync, Stop};
 

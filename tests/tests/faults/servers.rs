@@ -1,7 +1,7 @@
 //! Faults of a PostgreSQL database while one or two servers store trials in it.
 //!
-//! Clients retry after a 503. In the end every trial is stored once, as it was acknowledged, and
-//! the database is sound.
+//! Clients retry after a 503. In the end, every acknowledged trial is stored exactly once, and the
+//! database is sound.
 
 use sidestep_tests::front::free_port;
 use sidestep_tests::postgres::{Cluster, Stop};
@@ -12,13 +12,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 use tokio::time::sleep;
 
-/// The servers' user: not a superuser, to whom no limits apply.
+/// The database role of the servers. It is not a superuser, because limits do not apply to
+/// superusers.
 const ROLE: &str = "sidestep";
 
 /// Duration of a fault.
 const LASTS: Duration = Duration::from_millis(700);
 
-/// Timeout for storing everything after it.
+/// Timeout for storing a trial despite the fault.
 const PATIENCE: Duration = Duration::from_secs(300);
 
 /// A fault.
@@ -51,7 +52,7 @@ const FAULTS: [(Fault, &str); 11] = [
     (Fault::FailoverAndReturn, "the standby takes over, and the old primary comes back"),
 ];
 
-/// A primary, its standby if the fault needs one, and the name of the database.
+/// A primary, its standby if the fault needs one, and the name and address of the database.
 struct Site {
     primary: Cluster,
     standby: Option<Cluster>,
@@ -73,7 +74,7 @@ impl Site {
         Self { primary, standby, name, url }
     }
 
-    /// The current primary, as its superuser.
+    /// The database on the current primary, accessed as superuser.
     fn database(&self, fault: Fault) -> Database {
         let now = match &self.standby {
             Some(standby) if fault == Fault::FailoverAndReturn => standby,
@@ -82,13 +83,13 @@ impl Site {
         Database::Postgres(now.url(&self.name))
     }
 
-    /// Runs statements as a superuser in another database, whose settings are not changed.
+    /// Runs statements as superuser in the database `postgres`, whose settings do not change.
     async fn order(&self, statements: &str) {
         Database::Postgres(self.primary.url("postgres")).change(statements).await;
     }
 
-    /// As [`Self::order`], and ends the sessions of the servers, which may still have other
-    /// settings.
+    /// Like [`Self::order`], but also ends the sessions of the servers, because they may still have
+    /// the earlier settings.
     async fn set(&self, statement: &str) {
         self.order(statement).await;
         self.order(&format!(
@@ -103,7 +104,7 @@ impl Site {
         tokio::task::block_in_place(|| self.primary.start_again());
     }
 
-    /// Inflicts the fault, and undoes it.
+    /// Causes the fault, and then undoes it.
     async fn suffer(&mut self, fault: Fault) {
         let name = self.name.clone();
         let own = Database::Postgres(self.primary.url(&name));
@@ -154,7 +155,7 @@ impl Site {
                 sleep(LASTS).await;
                 let standby = self.standby.as_ref().unwrap();
                 standby.promote();
-                // It is not fenced, and waits for no standby.
+                // The old primary is not fenced, and does not wait for a standby.
                 self.primary.settings.push("synchronous_standby_names=".to_owned());
                 tokio::task::block_in_place(|| self.primary.start_again());
                 let sessions = format!(
@@ -166,7 +167,7 @@ impl Site {
     }
 }
 
-/// The outcome of a fault: numbers of refused requests and of trials.
+/// Runs a case. Returns whether requests were refused, and the number of trials.
 async fn case(fault: Fault, servers: usize) -> String {
     let mut site = tokio::task::block_in_place(|| Site::new(fault));
     let owned = format!("CREATE ROLE {ROLE} LOGIN; ALTER DATABASE {} OWNER TO {ROLE}", site.name);
@@ -190,7 +191,7 @@ async fn case(fault: Fault, servers: usize) -> String {
             loop {
                 let answer = driver.send(&running[(at + turn) % servers].0, &id, &trial).await;
                 match answer.status {
-                    // 200: an earlier request was stored, although its response was lost.
+                    // 200 means that an earlier request was stored, but its response was lost.
                     200 | 201 => break,
                     503 => drop(refused.fetch_add(1, Ordering::Relaxed)),
                     _ => panic!("{fault:?}, {servers}: {} {}", answer.status, answer.body),
@@ -229,7 +230,7 @@ async fn case(fault: Fault, servers: usize) -> String {
     format!("{requests} refused; all {} are stored once", rows.len())
 }
 
-/// All faults with this number of servers, as a table.
+/// Runs all faults with this number of servers, and prints a table.
 async fn all(servers: usize) {
     let mut table = String::new();
     for (fault, words) in FAULTS {

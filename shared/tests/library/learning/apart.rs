@@ -1,5 +1,6 @@
-//! Differences between our models and scikit-learn's on the same rows and settings, B_hrd of all
-//! people. Tests bound these numbers; `cargo xtask validate learning` prints them.
+//! Differences between our models and scikit-learn's models, fitted to the same rows with the same
+//! settings: B_hrd of all people. Tests bound these numbers; `cargo xtask validate learning` prints
+//! them.
 
 use super::{Lr, PEOPLE, WIDTH, classes, lines, lowest_class, peer, peer_by_newton, person, said};
 use serde::{Deserialize, Serialize};
@@ -17,16 +18,16 @@ pub(crate) fn furthest<'a>(
     found.into_iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// Largest differences of logistic regressions.
+/// Largest differences between the logistic regressions.
 #[derive(Default, Serialize)]
 pub(crate) struct LogisticApart {
-    /// Of the means and standard deviations for scaling.
+    /// Means and standard deviations for scaling.
     pub(crate) scale: f64,
-    /// Of weights and intercepts from scikit-learn's Newton solver, C = 0.001, 1 and 100.
+    /// Weights and intercepts, compared with scikit-learn's Newton solver. C = 0.001, 1 and 100.
     pub(crate) newton: f64,
-    /// Of weights and intercepts from the reference's by L-BFGS, C = 1.
+    /// Weights and intercepts, compared with the reference's L-BFGS solver. C = 1.
     pub(crate) lbfgs: f64,
-    /// Of probabilities of test rows from the reference's.
+    /// Probabilities of test rows, compared with the reference.
     pub(crate) probability: f64,
     /// Number of probabilities compared.
     pub(crate) probabilities: usize,
@@ -44,7 +45,7 @@ pub(crate) fn logistic(experiment: usize) -> LogisticApart {
         apart.scale = apart.scale.max(of_scale);
         let samples = standard.samples(experiment);
         let of_weights = |model: &Logistic, expected: &Lr| {
-            // For two classes, scikit-learn outputs only the second's weights.
+            // For two classes, scikit-learn outputs only the weights of the second class.
             let skip = classes(experiment) - expected.coef.len();
             let found = model.coefficients()[skip..].concat();
             let weights = furthest(&found, expected.coef.iter().flatten());
@@ -77,14 +78,14 @@ pub(crate) fn logistic(experiment: usize) -> LogisticApart {
     LogisticApart { newton, lbfgs, ..apart }
 }
 
-/// Differences of support vector machines, RBF, C = 1.
+/// Differences between the support vector machines with an RBF kernel and C = 1.
 #[derive(Default, Serialize)]
 pub(crate) struct SvmsApart {
     /// Number of test rows.
     pub(crate) rows: usize,
     /// Number of rows predicted differently.
     pub(crate) different: usize,
-    /// Largest difference of a decision value.
+    /// Largest difference of the decision values.
     pub(crate) decision: f64,
 }
 
@@ -101,7 +102,8 @@ pub(crate) fn svms(experiment: usize) -> SvmsApart {
         let (scale, svm) =
             svm::fit(WIDTH, &training.values, target, settings, sigmoids).expect("an SVM");
         for (values, row) in test.values.chunks_exact(WIDTH).zip(said(participant, experiment)) {
-            // For two classes scikit-learn flips the sign: positive for the second.
+            // For two classes, scikit-learn flips the sign, so that it is positive for the second
+            // class.
             let sign = if k == 2 { -1.0 } else { 1.0 };
             for (pair, decision) in svm.decisions(&scale, values).iter().enumerate() {
                 let expected = row[&format!("svc_dec{pair}")];
@@ -115,20 +117,21 @@ pub(crate) fn svms(experiment: usize) -> SvmsApart {
     apart
 }
 
-/// Differences of trees with depth 6 and leaves of 5 or more.
+/// Differences between the decision trees with depth 6 and at least 5 rows per leaf.
 #[derive(Default, Serialize)]
 pub(crate) struct TreesApart {
     /// Number of test rows.
     pub(crate) rows: usize,
-    /// Number of rows that the reference flags: one of six random states differs.
+    /// Number of rows that the reference flags, because one of six random states gives another
+    /// result.
     pub(crate) flagged: usize,
     /// Number of rows on which a thousand random states disagree.
     pub(crate) ties: usize,
-    /// Number of these rows predicted differently.
+    /// Number of tied rows predicted differently.
     pub(crate) different_ties: usize,
     /// Number of other rows predicted differently.
     pub(crate) different: usize,
-    /// Largest difference of a class share in the leaf of those other rows.
+    /// Largest difference of a class share in a leaf, over the rows without ties.
     pub(crate) share: f64,
 }
 

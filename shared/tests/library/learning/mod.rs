@@ -1,4 +1,4 @@
-//! The synthetic participants' features, and scikit-learn's results on them
+//! The features of the synthetic participants, and scikit-learn's results for them
 //! (`tests/data/README.md`).
 #![allow(dead_code, reason = "each test uses some of it")]
 
@@ -13,10 +13,10 @@ use std::collections::HashMap;
 
 pub(crate) const PEOPLE: usize = 8;
 
-/// Columns of B_hrd.
+/// Number of columns of B_hrd.
 pub(crate) const WIDTH: usize = 8;
 
-/// B_hrd of a step, and its labels in experiment I and II.
+/// B_hrd at one step, and its labels in experiments I and II.
 #[derive(Deserialize)]
 pub(crate) struct FeatureRow {
     pub(crate) participant: usize,
@@ -40,7 +40,7 @@ pub(crate) fn lines<T: serde::de::DeserializeOwned>(text: &str) -> Vec<T> {
     lines.collect::<Result<_, _>>().expect("lines of a table")
 }
 
-/// Rows of one person, and their class in experiment I or II.
+/// Rows of one person, and their labels in experiment I or II.
 #[derive(Default)]
 pub(crate) struct Rows {
     /// Trial and step of each row.
@@ -55,7 +55,7 @@ impl Rows {
             .expect("rows of numbers")
     }
 
-    /// The scaler of the rows, and the scaled rows.
+    /// Returns the scaler fitted to the rows, and the scaled rows.
     pub(crate) fn standardised(self) -> (Scale, Self) {
         let (scale, values) = Scale::standardised(WIDTH, &self.values);
         (scale, Self { values, ..self })
@@ -72,12 +72,12 @@ pub(crate) fn classes(experiment: usize) -> usize {
     if experiment == 1 { 3 } else { 2 }
 }
 
-/// The class with label 0; classes are −1, 0, 1 in experiment I and 0, 1 in experiment II.
+/// The class with label 0. The classes are −1, 0, 1 in experiment I, and 0, 1 in experiment II.
 pub(crate) fn lowest_class(experiment: usize) -> f64 {
     if experiment == 1 { -1.0 } else { 0.0 }
 }
 
-/// Trials 0–39 and 40–49 of a person, raw.
+/// Unscaled rows of a person: trials 0–39 for training, and trials 40–49 for testing.
 pub(crate) fn person(participant: usize, experiment: usize) -> (Rows, Rows) {
     let (mut training, mut test) = (Rows::default(), Rows::default());
     for row in feature_rows().iter().filter(|row| row.participant == participant) {
@@ -114,7 +114,7 @@ pub(crate) fn peer(participant: usize, experiment: usize) -> Peer {
     serde_json::from_value(model).expect("a model")
 }
 
-/// scikit-learn's logistic regression of a person by its Newton solver.
+/// scikit-learn's logistic regression of a person, fitted by its Newton solver.
 pub(crate) fn peer_by_newton(participant: usize, experiment: usize, c: f64) -> Lr {
     let text = include_str!("../../data/sklearn_newton.json");
     let mut all: HashMap<String, Lr> = serde_json::from_str(text).expect("models");

@@ -1,4 +1,4 @@
-//! Rank tests over the reference's accuracies, against SciPy's permutation distributions.
+//! Rank tests of the reference's accuracies, compared with SciPy's permutation distributions.
 
 use super::lines;
 use serde::{Deserialize, Serialize};
@@ -28,7 +28,7 @@ pub(crate) struct RanksApart {
     pub(crate) wilcoxon: f64,
 }
 
-/// p-values by SciPy over the eight accuracies of the reference, including ties.
+/// SciPy's p-values for the eight accuracies of the reference, including ties.
 #[derive(Deserialize)]
 struct Scipy {
     model: String,
@@ -49,7 +49,7 @@ pub(crate) fn ranks() -> RanksApart {
                 .filter(|cell| (&*cell.model, cell.experiment, &*cell.features) == wanted)
                 .collect()
         };
-        // The kernel that was better in cross-validation.
+        // The kernel that was more accurate in cross-validation.
         let better = |(rbf, linear): (&Reference, &Reference)| {
             let linear_wins = linear.cv_accuracy > rbf.cv_accuracy + 1e-12;
             if linear_wins { linear.test_accuracy } else { rbf.test_accuracy }

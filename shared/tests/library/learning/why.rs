@@ -1,32 +1,29 @@
-//! Why a cell of the comparison differs from the reference's.
+//! Reasons why a cell of the comparison differs from the reference's cell.
 
 use serde::Serialize;
 use serde_json::Value;
 use std::cmp::Ordering;
 
-/// Numbers of rows predicted right: of training rows while their fold is held out, and of test
-/// rows.
+/// Numbers of correctly predicted rows: training rows while their fold is held out, and test rows.
 #[derive(Serialize)]
 pub(crate) struct Right {
     pub(crate) cv: usize,
     pub(crate) test: usize,
 }
 
-/// A setting, and the numbers of rows predicted right with it.
+/// A setting, and the numbers of rows that are predicted correctly with it.
 #[derive(Serialize)]
 pub(crate) struct Choice {
     pub(crate) hyperparameters: Value,
     /// Our models.
     pub(crate) ours: Right,
-    /// scikit-learn with the reference's settings.
+    /// scikit-learn with the reference's solver settings.
     pub(crate) scikit_learn: Right,
-    /// scikit-learn run to convergence, or the minimum and maximum over many random states of
-    /// trees.
+    /// scikit-learn run to convergence. For trees, the minimum and maximum over many random states.
     pub(crate) to_the_end: [Right; 2],
 }
 
-/// The reason, in the words of `docs/validation/learning.md`, which explains them: `open` if it is
-/// unknown.
+/// The reason, as named and explained in `docs/validation/learning.md`. `open` if it is unknown.
 pub(crate) fn why(model: &str, theirs: &Choice, ours: &Choice) -> &'static str {
     if model == "dt" {
         let within = |choice: &Choice| {
@@ -37,7 +34,7 @@ pub(crate) fn why(model: &str, theirs: &Choice, ours: &Choice) -> &'static str {
         return if within(theirs) && within(ours) { "equal splits" } else { "open" };
     }
     let [end, of_theirs] = [&ours.to_the_end[0], &theirs.to_the_end[0]];
-    // The converged solver gets our result with our setting.
+    // With our setting, the converged solver gets the same result as we do.
     if end.test != ours.ours.test {
         return "open";
     }
@@ -53,19 +50,19 @@ pub(crate) fn why(model: &str, theirs: &Choice, ours: &Choice) -> &'static str {
     }
 }
 
-/// Compares the numbers of settings by name; 1 and 1.0 are equal.
+/// Compares settings by name and number. 1 and 1.0 are equal.
 pub(crate) fn same_setting(one: &Choice, other: &Choice) -> bool {
     same_numbers(&one.hyperparameters, &other.hyperparameters)
 }
 
-/// Whether two objects have the same entries, with 1 equal to 1.0.
+/// Whether two objects have the same entries. 1 and 1.0 are equal.
 pub(crate) fn same_numbers(a: &Value, b: &Value) -> bool {
     let (Some(a), Some(b)) = (a.as_object(), b.as_object()) else { return false };
     a.len() == b.len()
         && a.iter().all(|(name, a)| b.get(name).is_some_and(|b| a.as_f64() == b.as_f64()))
 }
 
-/// Whether one comes before the other in grid order: by increasing C, then γ.
+/// Whether `one` comes before `other` in the grid, which is ordered by increasing C and then γ.
 fn first_in_grid(one: &Choice, other: &Choice) -> bool {
     let place = |choice: &Choice| ["C", "gamma"].map(|name| choice.hyperparameters[name].as_f64());
     place(one) < place(other)

@@ -1,5 +1,5 @@
-//! The recorded drives of **synthetic** participants (`tests/data/README.md`), and a predictor of
-//! them. The numbers compare software; they say nothing about people.
+//! The recorded drives of **synthetic** participants (`tests/data/README.md`), and a predictor
+//! trained on them. The numbers compare software; they say nothing about people.
 #![allow(dead_code, reason = "each test uses some of it")]
 
 use sidestep::dataset::Dataset;
@@ -14,14 +14,16 @@ use sidestep::shfrs::window::Trajectory;
 use sidestep::vehicle::{Pose, TurnInput};
 use std::ops::ControlFlow;
 
-/// Tasks of each participant.
+/// Number of tasks of each participant.
 pub(crate) const TASKS: usize = 50;
 
-/// Drives for a predictor's training and for a calibration; the rest are for the test.
+/// Number of drives for training a predictor, and for calibration. The other drives are for the
+/// test.
 pub(crate) const TRAINING: usize = 160;
 pub(crate) const CALIBRATION: usize = 120;
 
-/// The drives of the file: the tasks of the first of eight participants, then of the next.
+/// The drives of the file: all tasks of the first of eight participants, then those of the next,
+/// and so on.
 pub(crate) fn drives() -> Vec<Driven> {
     let mut reader = csv::Reader::from_reader(&include_bytes!("../../data/trials.csv")[..]);
     let mut drives: Vec<Driven> = Vec::new();
@@ -38,7 +40,8 @@ pub(crate) fn drives() -> Vec<Driven> {
     drives
 }
 
-/// The drive as a trajectory, without its last input, which leads to no recorded state.
+/// The drive as a trajectory. It omits the last input, because no state after this input is
+/// recorded.
 pub(crate) fn trajectory((inputs, states): &Driven) -> Trajectory {
     let human = SceneParameters::default().human;
     let rates = inputs[..inputs.len() - 1].iter().map(|&input| human.turn_rate(input));
@@ -51,7 +54,7 @@ pub(crate) fn safety() -> SafetyLevels {
     SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(())).expect("a closed form")
 }
 
-/// A logistic regression on B_hrd.
+/// Trains a logistic regression on B_hrd.
 pub(crate) fn trained<'a>(
     drives: impl IntoIterator<Item = &'a Driven>,
     safety: &SafetyLevels,
@@ -61,7 +64,7 @@ pub(crate) fn trained<'a>(
     logistic(&Dataset::from_trials(&features, safety, rows)).expect("a fit")
 }
 
-/// Random split of the drives: participants and scenes are mixed in each part, so the parts are
+/// Splits the drives at random. Each part mixes participants and scenes, so the parts are
 /// exchangeable. Also returns a predictor trained on the training part.
 pub(crate) fn split(drives: &[Driven], seed: u64, safety: &SafetyLevels) -> (Predictor, Sample) {
     let order = SeededRng::new(seed).permutation(drives.len());

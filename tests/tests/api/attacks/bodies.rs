@@ -1,4 +1,4 @@
-//! Invalid bodies.
+//! Invalid request bodies.
 
 use reqwest::Method;
 use serde_json::{Value, json};
@@ -7,7 +7,7 @@ use sidestep_tests::{Answer, Driver, Server, driven};
 
 const JSON: &str = "application/json";
 
-/// Sends bytes as a trial and returns the answer.
+/// Uploads these bytes as a trial, and returns the answer.
 async fn put(
     server: &Server,
     driver: &Driver,
@@ -51,7 +51,7 @@ pub(super) async fn case_02_long_and_chunked_bodies(server: &Server) {
     let driver = Driver::enrol(server).await;
     let long = vec![b' '; 300_000];
     put(server, &driver, JSON, long.clone()).await.problem(413, "too_large", None);
-    // Without a content length: the limit applies to the bytes that arrive.
+    // Without a content length, the limit applies to the bytes that arrive.
     let pieces = long.chunks(1000).map(|piece| Ok::<_, std::io::Error>(piece.to_vec()));
     let pieces: Vec<_> = pieces.collect();
     let body = reqwest::Body::wrap_stream(futures_util::stream::iter(pieces));

@@ -1,17 +1,17 @@
-//! Faults below the server, and its log.
+//! Faults below the server, and the content of its log.
 
 use reqwest::Method;
 use serde_json::json;
 use sidestep::api::{Enrolled, Progress, routes};
 use sidestep_tests::{Answer, Driver, Folder, Process, driven, run};
 
-/// Only stored trials are acknowledged, and acknowledged ones survive SIGKILL.
+/// Only stored trials are acknowledged, and acknowledged trials survive SIGKILL.
 #[cfg(target_os = "linux")]
 #[tokio::test]
 async fn case_30_a_full_disk_and_a_kill() {
     let folder = Folder::default();
     let database = folder.database("sidestep.db");
-    // Writing beyond the limit must be an error, not a fatal signal.
+    // A write beyond the limit must fail with an error, not with a fatal signal.
     let launcher = ["env", "--ignore-signal=XFSZ"];
     let server = Process::start_through(&launcher, &folder, &database).await;
     let limit = |bytes: &str| {

@@ -1,4 +1,4 @@
-//! Guessing experimenters' keys, and cookies.
+//! Guesses of experimenters' keys, and misuse of cookies.
 
 use futures_util::future::join_all;
 use reqwest::{Method, Response};
@@ -31,7 +31,8 @@ pub(super) async fn case_27_guessing_keys_and_old_cookies(server: &Server) {
     // Participants are not affected.
     assert_eq!(Driver::enrol(server).await.scenes().len(), 5);
 
-    // A cookie set by someone else is not adopted, and each session has its own.
+    // The server does not adopt a cookie that someone else has set, and each session gets its own
+    // cookie.
     let fixed = "sidestep_session=fixed";
     let request = server.request(Method::POST, routes::SESSION).header("cookie", fixed);
     let first = request.json(&json!({ "key": server.key })).send().await.unwrap();
@@ -40,7 +41,7 @@ pub(super) async fn case_27_guessing_keys_and_old_cookies(server: &Server) {
     assert!(first != fixed && first != second);
     assert_eq!(with_cookie(server, Method::GET, fixed).await.status, 401);
     assert_eq!(with_cookie(server, Method::GET, &first).await.status, 200);
-    // The old cookie is worthless to someone who kept it.
+    // After sign-out, a copy of the cookie is worthless.
     assert_eq!(with_cookie(server, Method::DELETE, &first).await.status, 204);
     assert_eq!(with_cookie(server, Method::GET, &first).await.status, 401);
     assert_eq!(with_cookie(server, Method::GET, &second).await.status, 200);

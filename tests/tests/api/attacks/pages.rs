@@ -1,4 +1,4 @@
-//! Attacks from pages of other sites.
+//! Attacks from other sites.
 
 use reqwest::Method;
 use serde_json::json;

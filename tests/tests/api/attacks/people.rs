@@ -48,7 +48,7 @@ pub(super) async fn case_16_participants_in_the_laboratory(server: &Server) {
         let request = driver.request(server, Method::GET, route);
         Answer::of(request).await.problem(401, "unauthorized", None);
     }
-    // Nor is an experimenter a participant.
+    // An experimenter's key is not a participant's token.
     server.admin(routes::ME).await.problem(401, "unauthorized", None);
 }
 
@@ -72,7 +72,7 @@ pub(super) async fn case_18_forged_external_ids(server: &Server) {
     for same in ["p1", " P1 ", "P1"] {
         let known: Enrolled = ask(same).await.into(200);
         assert_eq!(known.participant_id, person.participant_id, "{same:?} is the same person");
-        // Someone who knows the id can continue, but learns nothing.
+        // Someone who knows the id can continue, but cannot withdraw the participant.
         let other = Driver { enrolled: known };
         for data in ["keep", "delete"] {
             other.withdraw(server, data).await.problem(403, "not_yours", None);

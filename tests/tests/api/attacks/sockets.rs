@@ -9,10 +9,11 @@ async fn connect(server: &Server) -> TcpStream {
     TcpStream::connect(server.origin.trim_start_matches("http://")).await.unwrap()
 }
 
-/// The status of the response to these bytes; 0 if the connection is closed without one.
+/// Sends these bytes and returns the status of the response. Returns 0 if the connection is closed
+/// without a response.
 async fn status(server: &Server, bytes: &[u8]) -> u16 {
     let mut stream = connect(server).await;
-    // The server may close the connection before it has read everything.
+    // The server may close the connection before it has read all bytes.
     let _ = stream.write_all(bytes).await;
     let mut answer = Vec::new();
     let _ = stream.read_to_end(&mut answer).await;
@@ -20,7 +21,7 @@ async fn status(server: &Server, bytes: &[u8]) -> u16 {
     line.split(' ').nth(1).and_then(|word| word.parse().ok()).unwrap_or(0)
 }
 
-/// A health-check request with these lines after the first.
+/// A health-check request with these header lines.
 fn get(lines: &str) -> Vec<u8> {
     format!("GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n{lines}\r\n")
         .into_bytes()
@@ -47,8 +48,8 @@ pub(super) async fn case_29_slow_requests_and_long_heads(server: &Server) {
         assert_eq!(status(server, &request).await, 400, "{both:?}");
     }
 
-    // Heads that do not end, and silent connections, are closed after ten seconds. Meanwhile others
-    // are served.
+    // Silent connections and connections with an unfinished head are closed after ten seconds.
+    // Meanwhile the server serves others.
     let begin = Instant::now();
     let mut slow = Vec::new();
     for i in 0..200 {

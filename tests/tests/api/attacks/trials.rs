@@ -9,7 +9,7 @@ async fn stored(server: &Server, driver: &Driver) -> Vec<String> {
     driver.me(server).await.into::<Progress>(200).stored
 }
 
-/// A change of an honest upload, and the field that is then refused.
+/// A change to an honest upload, and the field that the server then rejects.
 type Change = (fn(&mut Value), &'static str);
 
 async fn refused(server: &Server, changes: &[Change]) {
@@ -127,8 +127,9 @@ pub(super) async fn case_12_skipping_ahead_and_after_withdrawal(server: &Server)
     assert_eq!(server.export("default").await.lines().count(), 51);
 }
 
-/// The same participation in two tabs: the trial stored first counts, and the other tab is told. (A
-/// browser also leaves the participation to the later tab; the browser tests check that.)
+/// The same participation is open in two tabs. The trial that is stored first counts, and the other
+/// tab gets an error. (In a browser, the later tab also takes over the participation; the browser
+/// tests check this.)
 pub(super) async fn case_13_two_tabs(server: &Server) {
     let body = json!({ "consent": true, "request_id": "one-request-of-two-tabs" });
     let tabs = join_all([(); 2].map(|()| Driver::ask(server, body.clone()))).await;

@@ -6,8 +6,8 @@ use sidestep::trial::{Flag, LOW_FRAME_RATE_HZ};
 use sidestep_tests::Tab;
 use sidestep_tests::browser::count_pixels;
 
-/// A screen that shows this many frames per second, or fewer on a busy machine, and records their
-/// times.
+/// Emulates a screen that shows this many frames per second, or fewer on a busy machine. Records
+/// the times of the frames.
 fn screen(hz: u32) -> String {
     format!(
         "window.shown = []; window.requestAnimationFrame = callback => {{ const gap = 1000 / {hz}; \
@@ -17,7 +17,7 @@ fn screen(hz: u32) -> String {
     )
 }
 
-/// The intervals between frames in the ten seconds of a scene, ms, in increasing order.
+/// The intervals between frames in the ten seconds of a scene (ms), in ascending order.
 async fn gaps(tab: &Tab, started_at_ms: f64) -> Vec<f64> {
     let mut shown: Vec<f64> = tab.eval("window.shown").await;
     shown.retain(|at_ms| (0.0..=10_000.0).contains(&(at_ms - started_at_ms)));
@@ -26,7 +26,7 @@ async fn gaps(tab: &Tab, started_at_ms: f64) -> Vec<f64> {
     gaps
 }
 
-/// A screen of 20 Hz is slow; others are only if the machine is too busy.
+/// A screen of 20 Hz is slow. The others are slow only if the machine is too busy.
 async fn scene_at(hz: u32) {
     let study = QUICK
         .replace("scenes = 2", "scenes = 1")
@@ -69,12 +69,13 @@ async fn scene_at(hz: u32) {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn every_screen_has_fifty_steps_and_a_slow_one_is_flagged() {
-    // Two at a time, because each renders its frames on the CPU.
+    // Run two at a time, because each browser renders its frames on the CPU.
     tokio::join!(scene_at(144), scene_at(20));
     tokio::join!(scene_at(120), scene_at(60));
 }
 
-/// Goes to a control with the Tab key and presses it; it must then be fully in the window.
+/// Moves the focus to a control with the Tab key, checks that the control is fully in the window,
+/// and presses it.
 async fn reach(tab: &Tab, test_id: &str) {
     tab.until(&format!("{0} && !{0}.disabled", Tab::at(test_id))).await;
     for _ in 0..60 {
@@ -90,7 +91,7 @@ async fn reach(tab: &Tab, test_id: &str) {
     panic!("{test_id} cannot be reached with the tabulator");
 }
 
-/// A JavaScript expression for whether an element is fully in the window.
+/// A JavaScript expression that tells whether an element is fully in the window.
 fn inside(test_id: &str) -> String {
     format!(
         "(() => {{ const at = {}.getBoundingClientRect(); return at.width > 0 && at.left >= 0 && \

@@ -1,4 +1,4 @@
-//! The network is cut.
+//! Cuts of the network.
 
 use super::{QUICK, complete, glide, participants, take_part, text};
 use crate::{equipped, send_answers, start, stored, until_saved};
@@ -7,7 +7,7 @@ use sidestep_tests::{Browser, Cut, Proxy, Server, Tab};
 const UNREACHABLE: &str = "The server cannot be reached.";
 const KEEPS_TRYING: &str = "This page keeps trying.";
 
-/// Two scenes, with the network cut at the upload of the first one.
+/// Drives two scenes, and cuts the network at the upload of the first one.
 async fn cut_at_an_upload(cut: Cut) {
     let server = Server::with_client(QUICK).await;
     let proxy = Proxy::start(&server.origin).await;
@@ -17,7 +17,7 @@ async fn cut_at_an_upload(cut: Cut) {
     proxy.cut(cut, "/trials/");
     glide(&tab).await;
     tab.until_says("saved", "1 scene not sent yet; it is saved on this computer.").await;
-    // If only the response was lost, the server has the scene already.
+    // If only the response was lost, the server has already stored the scene.
     assert_eq!(stored(&server).await.len(), usize::from(cut == Cut::After), "{cut:?}");
     proxy.mend();
     until_saved(&tab).await;
@@ -52,7 +52,7 @@ async fn a_whole_session_without_network_ends_with_the_code() {
     browser.close().await;
 }
 
-/// A study with every kind of request besides scenes.
+/// A study with every kind of request except uploads of scenes.
 const ASKING: &str = r#"
 slug = "default"
 title = "Asking"
@@ -86,7 +86,7 @@ async fn whatever_answer_is_lost_the_page_goes_on_by_itself() {
     let tab = browser.open("about:blank").await;
     let url = format!("{}/s/default", proxy.origin);
 
-    // Both the study and its texts.
+    // The response with the study and the response with its texts are both lost.
     answer_lost(&tab, &proxy, "/api/v1/studies/", async || tab.go(&url).await).await;
     tab.press("consent").await;
     equipped(&tab).await;
@@ -114,7 +114,7 @@ async fn whatever_answer_is_lost_the_page_goes_on_by_itself() {
     proxy.mend();
     complete(&tab, &server, 1).await;
 
-    // A reload at which the progress is lost, and the code again.
+    // The response with the progress is lost at a reload. Afterwards the page shows the code again.
     answer_lost(&tab, &proxy, "/participants/me ", async || tab.reload().await).await;
     complete(&tab, &server, 1).await;
     browser.close().await;

@@ -1,4 +1,4 @@
-//! Participants who reload the page or close its tab, or whose browser is killed, at every page of
+//! Participants who reload the page, close its tab, or whose browser is killed, on every page of
 //! the study.
 
 use super::{complete, participants, text};
@@ -6,7 +6,7 @@ use crate::{answer_check, equipped, stored};
 use sidestep::trial::Flag;
 use sidestep_tests::{Browser, Server, Tab};
 
-/// Every page, shown for longer than leaving takes on a busy machine.
+/// A study with every page. Each page is shown for longer than leaving takes on a busy machine.
 const STUDY: &str = r#"
 slug = "default"
 title = "Every page"
@@ -33,7 +33,7 @@ enum Away {
     Kill,
 }
 
-/// A participant whose page is repeatedly closed.
+/// A participant whose page is repeatedly reloaded or closed, or whose browser is killed.
 struct Person {
     away: Away,
     url: String,
@@ -49,7 +49,7 @@ impl Person {
         Self { away, url, browser, tab }
     }
 
-    /// Leaves, and comes back.
+    /// Leaves the page and comes back.
     async fn back(self) -> Self {
         let Self { away, url, browser, tab } = self;
         let (browser, tab) = match away {
@@ -78,7 +78,7 @@ async fn walk(away: Away) {
     let server = Server::with_client(STUDY).await;
     let mut person = Person::new(away, &server).await;
 
-    // Without an enrolment, it starts with the consent.
+    // Without an enrolment, the page starts with the consent text.
     person.tab.words("consent").await;
     person = person.back().await;
     person.tab.press("consent").await;
@@ -88,7 +88,7 @@ async fn walk(away: Away) {
     equipped(&person.tab).await;
     person.tab.press("continue").await;
 
-    // Before the first scene, it continues with the instructions.
+    // Before the first scene, the page continues with the instructions.
     person.tab.words("arena").await;
     person = person.back().await;
     person.tab.words("arena").await;

@@ -6,7 +6,7 @@ use sidestep::trial::Flag;
 use sidestep_tests::Tab;
 use std::time::Duration;
 
-/// A clock of the page that can be set forward, like that of a computer that has slept.
+/// A clock of the page that can be set forward, as if the computer had slept.
 const SLEEPS: &str = "const now = performance.now.bind(performance); window.slept_ms = 0; \
     performance.now = () => now() + window.slept_ms;";
 
@@ -40,7 +40,7 @@ async fn paused_in_a_scene(kind: Pause) {
     tab.press("start").await;
     tab.until_step("scene", 4).await;
     pause(&tab, kind).await;
-    // The person is told, and repeats the scene.
+    // The page tells the participant, who repeats the scene.
     tab.until_says("start", "Start").await;
     let said = text(&tab).await;
     assert!(said.contains("Once more: task 1"), "{kind:?}: {said}");
@@ -73,7 +73,7 @@ async fn a_computer_that_sleeps_in_the_countdown_loses_no_scene() {
     tab.words("countdown").await;
     tab.run(SLEEP).await;
     tab.until(&format!("!{}", Tab::at("countdown"))).await;
-    // It has not started to move; the person starts it when they are back.
+    // The scene has not started to move. Participants start it when they are back.
     assert!(tab.words("start").await.contains("Start"));
     assert!(text(&tab).await.contains("Task 1 of 2"));
     glide(&tab).await;

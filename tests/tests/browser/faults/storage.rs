@@ -4,7 +4,7 @@ use super::{QUICK, complete, glide, take_part};
 use crate::{start, until_saved};
 use sidestep_tests::Tab;
 
-/// As in a private window of some browsers: all storage functions throw.
+/// All storage functions throw, as in a private window of some browsers.
 const DENIED: &str = "for (const name of ['indexedDB', 'localStorage']) \
     Object.defineProperty(window, name, { get() { \
         throw new DOMException('denied', 'SecurityError') } });";
@@ -23,7 +23,7 @@ const FILL: &str = "new Promise(done => { \
 
 const KEEP_OPEN: &str = "Keep this page open until you have your completion code.";
 
-/// Checks that a warning gives the reason and instructions where the participant sees it.
+/// Checks that a warning in the window gives the reason and says what to do.
 async fn warned(tab: &Tab, why: &str) {
     tab.until_says("not-kept", why).await;
     assert!(tab.words("not-kept").await.contains(KEEP_OPEN));
@@ -41,7 +41,7 @@ async fn storage_that_is_denied_warns_and_leads_to_the_code() {
     tab.before_pages(DENIED).await;
     take_part(&tab, &format!("{}/s/default", server.origin)).await;
     warned(&tab, "does not let this site store anything").await;
-    // The network is cut too: the scene stays in memory, and the page says so.
+    // The network is also cut, so the scene stays in memory, and the page says so.
     tab.offline(true).await;
     glide(&tab).await;
     tab.until_says("saved", "1 scene not sent yet; keep this page open.").await;

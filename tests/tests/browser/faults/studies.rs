@@ -10,14 +10,14 @@ async fn links_that_are_wrong_say_so_and_do_no_harm() {
     tab.go(&format!("{}/s/another", server.origin)).await;
     assert!(tab.words("stuck").await.contains("Study not found. Please check the link"));
 
-    // A forged personal link, in an unused browser.
+    // Open a forged personal link in an unused browser.
     let forged = format!("{}/s/default#continue={}", server.origin, "0".repeat(64));
     tab.go(&forged).await;
     tab.until_says("trouble", "This personal link is not valid.").await;
     assert!(!tab.eval::<String>("location.href").await.contains("continue"));
     assert_eq!(participants(&server).await, 0);
 
-    // And in a participant's browser, where it does not end their session.
+    // Open the link in a participant's browser, where it does not end their session.
     take_part(&tab, &format!("{}/s/default", server.origin)).await;
     glide(&tab).await;
     until_saved(&tab).await;
@@ -37,7 +37,7 @@ async fn whoever_joins_twice_with_one_id_is_one_participant() {
     take_part(&tab, &url("P1")).await;
     glide(&tab).await;
     until_saved(&tab).await;
-    // In another browser, by the same link in any spelling.
+    // Open the link with the same id, spelled differently, in another browser.
     let second = Browser::start().await;
     let other = second.open("about:blank").await;
     other.go(&url("%20p1%20")).await;
@@ -67,7 +67,7 @@ async fn a_study_that_is_closed_in_the_middle_lets_people_finish_and_an_archived
         } else {
             assert!(tab.words("ended").await.contains(words));
             assert_eq!(stored(&server).await.len(), 1);
-            // After a reload too.
+            // The message also appears after a reload.
             tab.reload().await;
             tab.until(&format!("document.body.innerText.includes({words:?})")).await;
         }

@@ -52,12 +52,12 @@ async fn two_predictors_are_seen_side_by_side() {
         tab.is_well().await;
     }
     tab.look(WIDE, false).await;
-    // One clock for both.
+    // Both replays share one clock.
     tab.run("document.activeElement.blur()").await;
     tab.key("ArrowRight").await;
     tab.until_step("replay", 13).await;
     tab.until_step("replay-beside", 13).await;
-    // A valid file, and an invalid one.
+    // Open a valid file, and then an invalid one.
     open(&tab, "predictor-file-beside", FILE).await;
     tab.until_says("predictor-beside", "from a file on this computer").await;
     tab.until_says("numbers-beside", "70 %").await;
@@ -65,14 +65,14 @@ async fn two_predictors_are_seen_side_by_side() {
     tab.until_says("unusable-beside", "It is not JSON").await;
     tab.until_says("numbers-beside", "70 %").await;
     picture(&tab, "replay-file", (WIDE, false)).await;
-    // The link restores both.
+    // The link restores both predictors.
     tab.enter("choose-predictor-beside", "hold-the-input").await;
     tab.until_search("?predictor=history&beside=hold-the-input&t=2.6").await;
     tab.reload().await;
     tab.until(&is_painted("replay-beside")).await;
     tab.until_says("predictor-beside", "holds the input").await;
-    // Sets learned from the seven trials before show their own levels, and no probabilities of
-    // inputs.
+    // Sets that are learned from the seven earlier trials show their own levels, and no
+    // probabilities of inputs.
     for (way, level) in [("gaussian", "Mahalanobis radius"), ("empirical", "share of futures")] {
         tab.enter("choose-predictor-beside", way).await;
         tab.until_says("predictor-beside", "Trained on the 7 trials before").await;
@@ -87,7 +87,7 @@ async fn two_predictors_are_seen_side_by_side() {
         tab.look(WIDE, false).await;
     }
     tab.until_search("?predictor=history&beside=empirical&t=2.6").await;
-    // The model finder lists the models.
+    // The model finder says that there are no models yet.
     tab.press("find-models-beside").await;
     tab.until_says("finder-empty", "No analysis of this study is done").await;
     tab.is_well().await;

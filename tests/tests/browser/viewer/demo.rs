@@ -1,4 +1,4 @@
-//! The demonstration: driven with real keys, and watched.
+//! The demonstration, driven with real keys and watched.
 
 use crate::{ROBOT, sign_in, start, take};
 use reqwest::Method;
@@ -6,7 +6,8 @@ use sidestep_tests::browser::count_pixels;
 use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Browser, Server, Tab};
 
-/// Ten seconds at the keyboard without an account: points, a model, another scene.
+/// Without an account, a visitor drives a scene with the keys, gets points and a trained model, and
+/// starts another scene.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn anybody_drives_and_is_predicted() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
@@ -28,7 +29,8 @@ async fn anybody_drives_and_is_predicted() {
     tab.until_says("model", "trained on 1 scene").await;
     assert!(tab.words("total").await.contains("1 scene"));
     take(&tab, "demo-over").await;
-    // Space presses a button focused by keyboard, but starts a scene after a click on one.
+    // Space presses a button that the user has reached with the keyboard. After a mouse click on a
+    // button, it starts a scene.
     let pressed = format!("{}.ariaPressed", Tab::at("legend-switch"));
     tab.run(&format!("{}.focus()", Tab::at("legend-switch"))).await;
     tab.key(" ").await;
@@ -52,8 +54,8 @@ async fn anybody_drives_and_is_predicted() {
     browser.close().await;
 }
 
-/// Experimenters reach it from the navigation; a server without `--open-demo` offers it to no one
-/// else.
+/// Experimenters can open the demonstration from the navigation. A server without `--open-demo`
+/// offers it to no one else.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_operator_decides_who_may_drive() {
     let server = Server::with_client_and(SHORT_STUDY, |args| args.open_demo = false).await;

@@ -6,17 +6,17 @@ use sidestep::scene::SceneParameters;
 use sidestep_tests::folder::{number, rows};
 use sidestep_tests::{Browser, Driver, Folder, Server, Tab, run};
 
-/// Eleven tasks: enough to learn from some of them.
+/// Eleven tasks are enough to learn from some of them.
 const STUDY: &str = "title = \"Sets\"\nphases = [{ phase = \"task\", scenes = 11 }]\n";
 
-/// The explorer of a participant who has driven everything.
+/// Opens the explorer for a participant who has driven all tasks.
 async fn explorer() -> (Server, Browser, Tab, String) {
     let (server, browser, tab) = start(STUDY).await;
     let driver = Driver::enrol(&server).await;
     driver.drive(&server, 11).await;
     sign_in(&tab, &server).await;
     let participant = driver.enrolled.participant_id.clone();
-    // As users get here: from the participant's page.
+    // Users get to the explorer from the participant's page.
     tab.go(&format!("{}/lab/participants/{participant}", server.origin)).await;
     tab.press("explorer-link").await;
     tab.until_says("p-4", "1.000").await;
@@ -36,7 +36,7 @@ async fn sets_move_while_a_slider_moves() {
     let (server, browser, tab, participant) = explorer().await;
     let areas = async || [tab.words("area-0").await, tab.words("area-3").await];
     let before = areas().await;
-    // Keys on a slider, as a user presses them.
+    // Press keys on a slider, as a user does.
     tab.run(&format!("{}.focus()", Tab::at("epsilon-0"))).await;
     for _ in 0..5 {
         tab.key("ArrowRight").await;
@@ -48,25 +48,25 @@ async fn sets_move_while_a_slider_moves() {
     tab.run("document.activeElement.blur()").await;
     tab.key("ArrowRight").await;
     tab.until_step("explorer", 1).await;
-    // A set that grows beyond its neighbours pushes them.
+    // A set that grows beyond its neighbours pushes their bounds.
     tab.enter("epsilon-0", "0.6").await;
     tab.until("location.search.includes('eps=0.6,0.6,0.6,0.6,1')").await;
     let wide = areas().await;
     assert!(wide[0] == wide[1] && wide[1] != after[1], "{wide:?}");
     tab.press("preset-0").await;
-    // Errors are shown beside their control, and nothing is shown for invalid settings.
+    // An error is shown next to its control, and invalid settings give no numbers.
     tab.enter("k", "2,2").await;
     tab.until_says("complaint", "k: expected 10 entries").await;
     assert_eq!(areas().await, ["—", "—"]);
     tab.press("preset-0").await;
     until_counted(&tab).await;
-    // Fast dragging of a slider leaves no backlog: only the last position counts.
+    // Fast dragging of a slider leaves no backlog, because only the last position counts.
     let wild = "for (let i = 0; i < 600; i++) { field.value = (i * 7 % 15) / 100; \
                 field.dispatchEvent(new Event('input', { bubbles: true })) }";
     tab.run(&format!("(() => {{ const field = {}; {wild} }})()", Tab::at("epsilon-0"))).await;
     until_counted(&tab).await;
     assert_eq!(tab.attribute("epsilon-0", "value").await.as_deref(), Some("0.08"));
-    // Nor does it leak: a thousand moves do not increase the heap.
+    // Dragging leaks no memory: a thousand moves do not increase the heap.
     let heap = tab.heap_bytes().await;
     for _ in 0..2 {
         tab.run(&format!("(() => {{ const field = {}; {wild} }})()", Tab::at("epsilon-0"))).await;
@@ -81,7 +81,8 @@ async fn sets_move_while_a_slider_moves() {
     tab.go("about:blank").await;
     tab.go(&link).await;
     tab.until_says("p-1", &p).await;
-    // Presets, a replay of the same instant, and back to its settings.
+    // Choose a preset, open a replay at the same instant, and return to the explorer with the same
+    // settings.
     tab.press("preset-1").await;
     tab.until_says("sets-table", "0.45").await;
     tab.press("replay-link").await;
@@ -95,7 +96,7 @@ async fn sets_move_while_a_slider_moves() {
     browser.close().await;
 }
 
-/// Tunes task by task, beside the page, with the same results as the command line.
+/// Tuning runs in the background, task by task, with the same results as on the command line.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn tuning_and_areas_are_those_of_the_command_line() {
     const TASKS: &str = "title = \"Sets\"\nphases = [{ phase = \"task\", scenes = 40 }]\n";
@@ -106,7 +107,7 @@ async fn tuning_and_areas_are_those_of_the_command_line() {
     let participant = &driver.enrolled.participant_id;
     tab.go(&format!("{}/lab/explorer/{participant}", server.origin)).await;
     until_counted(&tab).await;
-    // With confidence, twelve calibration tasks are enough for 0.75 but not for 0.9.
+    // With a confidence level, twelve calibration tasks are enough for 0.75 but not for 0.9.
     tab.enter("guarantee", "pac").await;
     tab.enter("aim", "0.9").await;
     tab.until_says("lacking", "takes 29 tasks").await;
@@ -155,7 +156,7 @@ async fn tuning_and_areas_are_those_of_the_command_line() {
     }
 }
 
-/// Waits until the comparer has finished.
+/// Waits until the comparison has finished.
 async fn until_compared(tab: &Tab) {
     let compared = Tab::at("compared");
     tab.until(&format!("{compared}?.value === 1 && !document.querySelector('.panels.old')")).await;

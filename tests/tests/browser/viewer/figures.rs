@@ -1,13 +1,13 @@
-//! The links of docs/figures.md show what the document promises.
+//! The links in docs/figures.md show what the document promises.
 
 use crate::{sign_in, start, take};
 use sidestep_tests::{Driver, Tab};
 
 const DOCUMENT: &str = include_str!("../../../../docs/figures.md");
-/// Enough tasks to learn from some of them.
+/// The study has enough tasks to learn from some of them.
 const STUDY: &str = "title = \"Figures\"\nphases = [{ phase = \"task\", scenes = 11 }]\n";
 
-/// The links below a heading of the document.
+/// The links under a heading of the document.
 fn links(heading: &str) -> Vec<&'static str> {
     let section = DOCUMENT
         .split("\n## ")
@@ -60,7 +60,8 @@ async fn each_figure_of_the_paper_has_its_link() {
         areas.push([area(0).await, area(4).await]);
     }
     let [left, middle, right] = areas.try_into().unwrap();
-    // As in the paper: larger ε make a set larger, smaller k no larger, and the last one stays.
+    // As in the paper, a larger ε makes a set larger, a smaller k makes it no larger, and the last
+    // set stays the same.
     assert!(left[0] < middle[0] && right[0] <= left[0], "{left:?} {middle:?} {right:?}");
     assert!(left[1] == middle[1] && middle[1] == right[1]);
     take(&tab, "figure-3").await;

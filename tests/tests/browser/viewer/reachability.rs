@@ -1,4 +1,4 @@
-//! The laboratory's page of value functions, with real keys, drags and wheel.
+//! The laboratory's page of value functions, with real keys, drags and turns of the wheel.
 
 use crate::{ROBOT, sign_in, start, take};
 use sidestep_tests::Tab;
@@ -7,7 +7,7 @@ use sidestep_tests::server::SHORT_STUDY;
 
 const PAGE: &str = "/lab/reachability";
 
-/// The centre of an element, moved by shares of its size.
+/// The centre of an element, offset by fractions of the element's size.
 async fn place(tab: &Tab, test_id: &str, [right, down]: [f64; 2]) -> [f64; 2] {
     let element = Tab::at(test_id);
     tab.eval(&format!(
@@ -39,7 +39,7 @@ async fn a_value_function_is_read_played_and_solved() {
     tab.until("document.querySelector('output').textContent === '179°'").await;
     tab.run(&format!("{}.blur()", Tab::at("psi"))).await;
 
-    // The mouse reads numbers, and a click plays.
+    // Moving the mouse shows numbers, and a click plays the game from that point.
     tab.mouse(Mouse::Move, place(&tab, "map", [0.1, -0.15]).await).await;
     tab.until("document.body.textContent.includes('under the pointer')").await;
     tab.mouse(Mouse::Press, place(&tab, "map", [0.1, -0.15]).await).await;
@@ -47,7 +47,7 @@ async fn a_value_function_is_read_played_and_solved() {
     tab.until_says("played", "closest distance").await;
     tab.until("location.search.includes('play=yes')").await;
     take(&tab, "reachability-play").await;
-    // The link restores the same.
+    // The link restores the same game.
     let played = tab.words("played").await;
     tab.reload().await;
     assert_eq!(tab.words("played").await, played);
@@ -73,7 +73,7 @@ async fn a_value_function_is_read_played_and_solved() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_tube_turns_by_hand_and_survives_the_loss_of_its_graphics() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
-    // Lets the test lose the graphics context.
+    // Gives the test access to the graphics context, so that the test can lose it.
     tab.before_pages(
         "{ const get = HTMLCanvasElement.prototype.getContext; \
          HTMLCanvasElement.prototype.getContext = function (...given) { \
@@ -86,8 +86,8 @@ async fn the_tube_turns_by_hand_and_survives_the_loss_of_its_graphics() {
     tab.go(&format!("{}{PAGE}?show=tube", server.origin)).await;
     tab.until("window.graphics").await;
     tab.until_painted().await;
-    // On a busy machine the page shows slices as soon as it has timed a frame, until the user
-    // insists.
+    // On a busy machine, the page shows slices as soon as it has timed a frame, unless the user
+    // insists on the solid.
     let insist = Tab::at("insist");
     tab.run(&format!(
         "new MutationObserver(() => {insist}?.click())\
@@ -102,7 +102,7 @@ async fn the_tube_turns_by_hand_and_survives_the_loss_of_its_graphics() {
     let picture = tab.picture("tube").await;
     assert!(red(&picture) > 10_000, "the tube is drawn: {} red pixels", red(&picture));
     take(&tab, "reachability-tube").await;
-    // A drag, the wheel and keys turn it.
+    // A drag, the wheel and keys change the view of the tube.
     let [from, to] =
         [place(&tab, "tube", [0.0, 0.0]).await, place(&tab, "tube", [0.25, -0.1]).await];
     tab.mouse(Mouse::Move, from).await;
@@ -118,7 +118,7 @@ async fn the_tube_turns_by_hand_and_survives_the_loss_of_its_graphics() {
     let turned = tab.picture("tube-turned").await;
     assert!(red(&turned) > 10_000 && turned != picture);
 
-    // Its graphics context is lost and restored.
+    // The graphics context is lost, and then restored.
     tab.run("window.loss = graphics.getExtension('WEBGL_lose_context'), loss.loseContext()").await;
     tab.until_says("no-graphics", "cannot draw solids now").await;
     take(&tab, "reachability-no-graphics").await;
@@ -153,7 +153,7 @@ async fn the_tube_turns_by_hand_and_survives_the_loss_of_its_graphics() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_slow_solid_gives_way_to_slices_until_somebody_insists() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
-    // Everything that the page times takes two seconds of its clock.
+    // Everything that the page times takes two seconds on the page's clock.
     tab.before_pages(
         "{ const read = WebGL2RenderingContext.prototype.readPixels; let late = 0; \
          const now = Performance.prototype.now; \
@@ -199,7 +199,7 @@ async fn a_value_function_is_saved_as_the_command_line_writes_it() {
 async fn what_is_wrong_or_did_not_converge_is_said() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
     sign_in(&tab, &server).await;
-    // A value out of range in the link, and an incompatible method.
+    // The link has a value out of range, and then an incompatible method.
     tab.go(&format!("{}{PAGE}?radius=-1", server.origin)).await;
     tab.until_says("misread", "radius").await;
     tab.go(&format!("{}{PAGE}?method=exact&pursuer-speed=1", server.origin)).await;

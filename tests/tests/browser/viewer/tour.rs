@@ -1,11 +1,11 @@
-//! A newcomer's path: `sidestep serve --demo`, the people, a replay, the report.
+//! A newcomer's path: `sidestep serve --demo`, the participants, a replay, and the report.
 
 use crate::{sign_in, take};
 use sidestep::api::{AnalysisPage, AnalysisState, routes};
 use sidestep_tests::{Browser, Server, Tab};
 use std::time::Duration;
 
-/// The newest analysis of the demonstration, once it is done.
+/// Waits until an analysis of the demonstration is done, and returns the id of the newest one.
 async fn analysed(server: &Server) -> String {
     for _ in 0..1500 {
         let page: AnalysisPage = server.admin(&routes::admin_analyses("demo")).await.into(200);
@@ -18,7 +18,7 @@ async fn analysed(server: &Server) -> String {
     panic!("the analysis does not end");
 }
 
-/// Checks the label of synthetic data.
+/// Checks that the page labels the data as synthetic.
 async fn is_marked(tab: &Tab) {
     assert!(tab.words("marked-synthetic").await.to_lowercase().contains("synthetic"));
 }
@@ -33,7 +33,7 @@ async fn a_newcomer_goes_from_the_demonstration_to_replay_and_report() {
     let browser = Browser::start().await;
     let tab = browser.open("about:blank").await;
     sign_in(&tab, &server).await;
-    // Pages respond while it is being filled, and follow it.
+    // Pages respond while the demonstration is being filled, and follow its progress.
     tab.press("study-demo").await;
     is_marked(&tab).await;
     tab.until_says("counts", "12 participants").await;
@@ -48,7 +48,7 @@ async fn a_newcomer_goes_from_the_demonstration_to_replay_and_report() {
         is_marked(&tab).await;
         take(&tab, &format!("tour-{page}")).await;
     }
-    // An excluded participant, then the first one, and one of their scenes.
+    // Open an excluded participant, then another participant and one of this participant's scenes.
     for (number, name) in [(5, "tour-excluded"), (3, "tour-participant")] {
         tab.go(&format!("{}/lab/studies/demo?search={number}", server.origin)).await;
         tab.until("document.querySelectorAll('.people tbody tr').length === 1").await;
