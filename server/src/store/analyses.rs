@@ -9,13 +9,13 @@ use sidestep::comparison::Request;
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// Upper bound of the queue.
+/// Maximum number of queued analyses.
 pub const LONGEST_QUEUE: i64 = 100;
 
-/// An analysis fails after this many interrupted attempts, since it seems to crash the server.
+/// An analysis fails after this many interrupted attempts, because it seems to crash the server.
 const MOST_ATTEMPTS: i64 = 3;
 
-/// Lease of an analysis, ms: when the server that began it has recorded nothing for this long,
+/// Lease of an analysis (ms). If the server that began the analysis records nothing for this long,
 /// another server takes the analysis over.
 const LEASE_MS: i64 = 60_000;
 
@@ -25,7 +25,7 @@ const PART_BYTES: usize = 1 << 20;
 /// An analysis without its files.
 #[derive(Clone, Debug)]
 pub struct StoredAnalysis {
-    /// Number of the analysis in the order of requests; never used twice.
+    /// Sequence number of the analysis, in the order of requests. It is never used twice.
     pub sequence: i64,
     /// Its id in URLs.
     pub id: String,
@@ -37,9 +37,9 @@ pub struct StoredAnalysis {
     pub state: AnalysisState,
     /// Number of finished pieces of work.
     pub done: i64,
-    /// Number of all pieces; 0 until they are counted.
+    /// Number of all pieces of work, or 0 until they are counted.
     pub of: i64,
-    /// Pieces that were computed for this analysis, not reused from an earlier one.
+    /// Number of pieces that were computed for this analysis, not reused from an earlier one.
     pub fresh: i64,
     /// When it was requested.
     pub created_at_ms: i64,
@@ -60,7 +60,7 @@ pub struct StoredAnalysis {
 pub enum Asked {
     /// It is queued.
     New(Box<StoredAnalysis>),
-    /// An identical request is queued already; its result would be the same.
+    /// An identical request is already queued, and its result would be the same.
     Waiting(Box<StoredAnalysis>),
     /// [`LONGEST_QUEUE`] analyses are queued already.
     QueueFull,
@@ -69,20 +69,20 @@ pub enum Asked {
 /// An analysis that a worker is computing.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// The analysis, [`StoredAnalysis::sequence`].
+    /// The [sequence number](StoredAnalysis::sequence) of the analysis.
     pub sequence: i64,
     /// Number of the attempt. When the analysis is begun again, earlier attempts are no longer wanted.
     pub attempt: i64,
-    /// The study's row.
+    /// The id of the study's row.
     pub study_id: i64,
-    /// Its name.
+    /// The study's name.
     pub study: String,
     /// The request.
     pub request: Request,
 }
 
 impl Store {
-    /// Puts an analysis at the end of the queue, under `id` if it is new.
+    /// Appends an analysis to the queue, under `id` if it is new.
     pub async fn ask_analysis(
         &self,
         id: String,
@@ -116,7 +116,7 @@ impl Store {
         .await
     }
 
-    /// At most `limit` analyses of a study, newest first, with sequences below `before`.
+    /// At most `limit` analyses of a study, newest first, with sequence numbers below `before`.
     pub async fn analyses_page(
         &self,
         study_id: i64,
@@ -171,7 +171,7 @@ impl Store {
         .await
     }
 
-    /// Cancels an analysis that has not ended; its worker notices. Returns its new state.
+    /// Cancels an analysis that has not ended. Its worker will notice. Returns the analysis in its new state.
     pub async fn cancel_analysis(
         &self,
         id: &str,
@@ -221,9 +221,9 @@ impl Store {
         .await
     }
 
-    /// Requeues analyses whose server stopped or lost the database: on a database of one server,
-    /// all that are running; on a shared one, those whose lease has expired. An analysis that was
-    /// interrupted too often fails instead.
+    /// Requeues analyses whose server stopped or lost the database. On a database of one server,
+    /// these are all running analyses. On a shared database, these are the running analyses whose
+    /// lease has expired. An analysis that was interrupted too often fails instead.
     pub async fn recover_analyses(&self, now_ms: i64) -> Result<(), StoreError> {
         let is_shared = self.is_shared();
         self.write_behind([Lock::Analyses], move |db| {
@@ -246,8 +246,8 @@ impl Store {
         .await
     }
 
-    /// Takes the oldest queued analysis for `worker`, a name of this server's run, and records
-    /// whose data it uses.
+    /// Takes the oldest queued analysis for `worker`, a name of this server's run, and records the
+    /// participants whose data it uses.
     pub async fn begin_analysis(
         &self,
         worker: &str,
@@ -279,9 +279,9 @@ impl Store {
         .await
     }
 
-    /// Stores a file of a job that is still wanted, in parts, one transaction each. They become
-    /// visible when the analysis is done. `size` is the length before compression. Returns whether
-    /// the job is still wanted.
+    /// Stores a file of a job that is still wanted. Each part of the file is stored in its own
+    /// transaction. The parts become visible when the analysis is done. `size` is the size before
+    /// compression (bytes). Returns whether the job is still wanted.
     pub async fn put_analysis_file(
         &self,
         job: &Job,
@@ -320,9 +320,9 @@ impl Store {
         Ok(true)
     }
 
-    /// Ends an analysis that is still wanted: done with a result, or failed with a message. If it
-    /// is done, the study's cells under keys other than `used` are deleted; if it failed, its files
-    /// are. Returns whether the analysis was wanted.
+    /// Ends an analysis that is still wanted, as done with a result, or as failed with a message.
+    /// If it is done, the study's cells under keys other than `used` are deleted. If it failed, its
+    /// files are deleted. Returns whether the analysis was wanted.
     pub async fn end_analysis(
         &self,
         job: &Job,
@@ -344,7 +344,7 @@ impl Store {
             )?;
             match (updated > 0, done) {
                 (true, true) => keep_cells_only(db, study_id, &used)?,
-                // Files written before it failed would never be visible.
+                // Files that were written before the failure would never be visible.
                 (true, false) => delete_files(db, sequence)?,
                 (false, _) => (),
             }
@@ -379,8 +379,8 @@ impl Store {
         .await
     }
 
-    /// Stores cells for later analyses, unless this job is no longer wanted: its cells may contain
-    /// withdrawn data.
+    /// Stores cells for later analyses. If the job is no longer wanted, nothing is stored, because
+    /// its cells may contain withdrawn data.
     pub async fn put_cells(&self, job: &Job, key: &str, bytes: Vec<u8>) -> Result<(), StoreError> {
         let (sequence, attempt, key) = (job.sequence, job.attempt, key.to_owned());
         self.write_behind([Lock::Analyses], move |db| {
@@ -397,8 +397,8 @@ impl Store {
     }
 }
 
-/// The columns that [`stored_of`] reads; `PARAMETERS` stands for the study's parameters in the
-/// dialect of the database.
+/// The query whose columns [`stored_of`] reads. `PARAMETERS` stands for the study's parameters in
+/// the dialect of the database.
 const SELECT: &str = "SELECT analysis.sequence, analysis.id, study.slug, request, state, done, total, \
                           fresh, analysis.created_at_ms, started_at_ms, ended_at_ms, message, \
                           result, state = 'done' AND (started_at_ms < coalesce((SELECT received_at_ms \
@@ -463,7 +463,7 @@ fn delete_files(db: &Connection, sequence: i64) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Deletes the files and cells that were computed from a participant's data; call it before
+/// Deletes the files and cells that were computed from a participant's data. Call this before
 /// deleting the data. A running analysis restarts without the participant. Participants without
 /// trials belong to no analysis.
 pub(super) fn withdraw(db: &Connection, participant_id: &str) -> Result<(), StoreError> {
@@ -542,8 +542,8 @@ fn begin(db: &Connection, worker: &str, now_ms: i64) -> Result<Option<Job>, Stor
     Ok(Some(Job { sequence, attempt, study_id, study, request }))
 }
 
-/// The current time, ms: the database's clock if several servers share it, since their clocks may
-/// differ; else $1.
+/// The current time (ms). If several servers share the database, this is the database's clock,
+/// because the servers' clocks may differ. Otherwise it is $1.
 fn now(db: &Connection) -> &'static str {
     db.choose("$1", "CAST(extract(epoch FROM clock_timestamp()) * 1000 AS BIGINT)")
 }

@@ -9,13 +9,13 @@ use sidestep::api::{Action, AuditEntry};
 pub struct NewEntry {
     /// The time.
     pub at_ms: i64,
-    /// The key; none for the key in the environment variable.
+    /// The key, or `None` for the key in the environment variable.
     pub key_id: Option<i64>,
     /// The name of the key.
     pub who: String,
     /// The action.
     pub action: Action,
-    /// The study, if it concerns one.
+    /// The study, if the action concerns one.
     pub study: Option<String>,
     /// The object of the action, if the action does not imply it.
     pub subject: Option<String>,
@@ -43,7 +43,7 @@ impl Store {
         .await
     }
 
-    /// At most `limit` entries, newest first, with sequences below `before`.
+    /// At most `limit` entries, newest first, with sequence numbers below `before`.
     pub async fn audit_page(&self, before: i64, limit: i64) -> Result<Vec<AuditEntry>, StoreError> {
         self.read_long(move |db| {
             let mut statement = db.prepare_cached(

@@ -3,7 +3,7 @@
 use prometheus_client::metrics::histogram::Histogram;
 use std::time::Duration;
 
-/// Histogram bounds of times, s: from a fast commit to the request timeout.
+/// Histogram bounds of durations (s), from a fast commit to the request timeout.
 pub const SECONDS: [f64; 13] =
     [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 30.0];
 
@@ -30,7 +30,7 @@ impl Commits {
         self.seconds.observe(took.as_secs_f64());
     }
 
-    /// Histograms of the numbers of writes and of the times, s.
+    /// Histograms of the number of writes per commit, and of the duration of a commit (s).
     #[must_use]
     pub fn histograms(&self) -> [Histogram; 2] {
         [self.writes.clone(), self.seconds.clone()]

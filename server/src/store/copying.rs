@@ -1,11 +1,11 @@
-//! Copying studies from one database to another: to move from SQLite to PostgreSQL or back, and to
-//! back up a PostgreSQL database as a file.
+//! Copies studies from one database to another, to move between SQLite and PostgreSQL, or to back
+//! up a PostgreSQL database as a file.
 //!
 //! Each participant is copied in one transaction with everything stored about them, so an
-//! interrupted copy can resume. A participant who exists at the destination is compared by a hash
-//! of all their rows, and copied again if they have done more since. Rows keep their ids; trials
-//! keep their order. Models and files of analyses are copied; cells for reuse by later analyses are
-//! not, since they can be recomputed.
+//! interrupted copy can resume. If a participant exists at the destination, a hash of all their
+//! rows is compared, and the participant is copied again if they have done more since the last
+//! copy. Rows keep their ids, and trials keep their order. The models and files of analyses are
+//! copied. Their cached cells are not copied, because they can be recomputed.
 
 mod columns;
 mod rows;
@@ -25,14 +25,14 @@ use std::collections::BTreeMap;
 pub struct StudyCopy {
     /// Its name.
     pub slug: String,
-    /// Its row in the source database.
+    /// The id of its row in the source database.
     pub study_id: i64,
     config_hash: String,
     created_at_ms: i64,
     /// Configurations by their hash.
     configs: Vec<(String, String)>,
     versions: Vec<(i64, String, i64, bool)>,
-    /// Value functions by their id; the configuration and evader of each.
+    /// The encoded value functions by id. `safety` has the configuration and evader of each.
     functions: BTreeMap<String, Vec<u8>>,
     safety: Vec<(String, String, String)>,
     /// The highest number of any of its trials.
@@ -59,7 +59,7 @@ impl RowsCopy {
         hasher.finalize().into()
     }
 
-    /// Whether this copy of a participant has something that the other copy lacks: they were seen
+    /// Whether this copy of a participant is newer than the other copy: the participant was seen
     /// later, their data were deleted, or there are more trials.
     fn is_ahead_of(&self, other: &Self) -> bool {
         let [here, there] = [self, other].map(|copy| copy.number("last_seen_at_ms"));
@@ -112,9 +112,9 @@ pub enum CopyRefusal {
 /// The outcome of copying a participant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PutCopy {
-    /// They were stored.
+    /// The participant was stored.
     Stored,
-    /// They existed, unchanged.
+    /// The participant is at the destination, unchanged.
     Present,
     /// The destination has newer data than the copy, and keeps them.
     Ahead,
@@ -142,7 +142,7 @@ impl Store {
         .await
     }
 
-    /// Creates a study at the destination, or finds the one that an earlier copy began.
+    /// Creates a study at the destination, or finds the study that an earlier copy began.
     pub async fn begin_copy(
         &self,
         copy: StudyCopy,
@@ -162,7 +162,8 @@ impl Store {
         self.read_long(move |db| rows_copy(db, ANALYSIS_TABLES, &id)).await
     }
 
-    /// Stores a participant with all rows, replacing an earlier copy that differs, unless that would lose data.
+    /// Stores a participant with all rows. An earlier copy that differs is replaced, unless that
+    /// would lose data.
     pub async fn put_participant_copy(
         &self,
         target: CopyTarget,
@@ -181,7 +182,7 @@ impl Store {
                     analyses::withdraw(db, &copy.id)?;
                 }
             }
-            // Analyses keep this participant.
+            // The participant leaves the analyses here, and joins them again below.
             let analyses = analyses::leave(db, &copy.id)?;
             for table in PARTICIPANT_TABLES.iter().rev() {
                 db.execute(&table.delete(), [&copy.id])?;
@@ -195,7 +196,8 @@ impl Store {
         .await
     }
 
-    /// Stores an analysis with all rows unless it exists. If it was queued or running, it is queued.
+    /// Stores an analysis with all rows, unless it exists. A running analysis is stored as queued.
+    /// Returns whether it was stored.
     pub async fn put_analysis_copy(
         &self,
         target: CopyTarget,
@@ -232,7 +234,7 @@ impl Store {
         .await
     }
 
-    /// Stores keys and audit trail if the database has no keys. Returns whether it did.
+    /// Stores the keys and the audit trail, if the database has no keys. Returns whether it did.
     pub async fn put_access_copy(&self, copy: RowsCopy) -> Result<bool, StoreError> {
         self.write_behind([Lock::Keys], move |db| {
             let is_empty: bool =
@@ -354,8 +356,9 @@ fn begin(db: &Connection, copy: &StudyCopy) -> Result<Result<CopyTarget, CopyRef
     Ok(Ok(CopyTarget { study_id, shift: shift(db, study_id, copy.last_trial)? }))
 }
 
-/// Offset for the numbers of trials so that none is used twice: 0 in a database without trials of
-/// other studies. The numbers are reserved at once; trials that arrive meanwhile get later ones.
+/// The offset for the numbers of copied trials, so that no number is used twice. It is 0 in a
+/// database without trials of other studies. The numbers are reserved immediately, so trials that
+/// arrive during the copy get higher numbers.
 fn shift(db: &Connection, study_id: i64, last_trial: i64) -> Result<i64, StoreError> {
     let others = "SELECT coalesce(max(sequence), 0) FROM trial WHERE study_id <> $1 \
                       AND sequence < (SELECT coalesce(min(sequence), 9223372036854775807) FROM trial \

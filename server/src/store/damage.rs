@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 
 impl Store {
     /// Damage that SQLite finds in the file: damaged pages, with their tables or indices, and
-    /// dangling references. Empty for a sound database, and for PostgreSQL, which has its own tools
-    /// for this.
+    /// dangling references. The list is empty for a sound database, and for PostgreSQL, which has
+    /// its own tools for this.
     ///
     /// # Errors
     /// If the check cannot be run.
@@ -24,7 +24,7 @@ impl Store {
             .collect())
     }
 
-    /// Names of tables and indices by the root pages of their trees.
+    /// Names of tables and indices by the root pages of their b-trees.
     async fn trees(&self) -> Result<BTreeMap<i64, String>, StoreError> {
         self.read_long(|db| {
             let query = "SELECT rootpage, name FROM sqlite_schema WHERE rootpage > 0";
@@ -36,7 +36,8 @@ impl Store {
     }
 }
 
-/// A line of SQLite's check, with the number of a tree replaced by its name; none for a heading.
+/// A line of SQLite's integrity check, with the root page of a b-tree replaced by the name of its
+/// table or index. Returns `None` for a heading.
 fn told(line: &str, names: &BTreeMap<i64, String>) -> Option<String> {
     if line.starts_with("***") {
         return None;

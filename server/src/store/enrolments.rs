@@ -1,11 +1,11 @@
 //! Enrolment: whether a participant is new or known, and which place of the study they get.
 //!
 //! A place (0, 1, 2, …) decides which scenes a participant drives, so that scenes are
-//! counterbalanced across participants. A new participant gets the lowest free place: one never
-//! taken, or one whose holder withdrew or was screened out. If the study has a quota, a participant
-//! who has not finished and has been away for the study's hold no longer counts; when all places of
-//! the quota are taken, the next new participant gets the lowest place of a participant who is
-//! away.
+//! counterbalanced across participants. A new participant gets the lowest free place. A place is
+//! free if it was never taken, or if its holder withdrew or was screened out. If the study has a
+//! quota, a participant who has not finished and has been away for the study's hold time no longer
+//! counts. When all places of the quota are taken, the next new participant gets the lowest place
+//! of a participant who is away.
 
 use super::lanes::Lock;
 use super::participants::{self, Participant, Scope, find};
@@ -17,15 +17,15 @@ use super::{Store, StoreError};
 pub struct NewParticipant {
     /// Their id, if they are new.
     pub id: String,
-    /// The study's row.
+    /// The id of the study's row.
     pub study_id: i64,
     /// Hash of the request id that the client drew.
     pub request_hash: Option<[u8; 32]>,
     /// The recruiting service's id of the person, as received.
     pub external_id: Option<String>,
-    /// The same, normalised.
+    /// The external id, normalised.
     pub external_key: Option<String>,
-    /// For a pilot, the place drawn at random; pilots hold no place of the study.
+    /// For a pilot, a place drawn at random. Pilots hold no place of the study.
     pub pilot_place: Option<u32>,
     /// Hash of the configuration of their enrolment.
     pub config_hash: String,
@@ -37,7 +37,7 @@ pub struct NewParticipant {
     pub parameters: Option<String>,
     /// Language and hash of the consent text that they agreed to.
     pub consent: Option<(String, String)>,
-    /// The current time.
+    /// When they enrol.
     pub enrolled_at_ms: i64,
 }
 
@@ -46,7 +46,7 @@ pub struct NewParticipant {
 pub struct Gate {
     /// Whether new participants are admitted. Pilots always are.
     pub is_open: bool,
-    /// Maximum number of participants; 0: unlimited.
+    /// Maximum number of participants, or 0 if it is unlimited.
     pub quota: u64,
     /// A participant who has not finished and was last seen before this time does not count for the quota.
     pub away_before_ms: i64,
@@ -73,7 +73,7 @@ impl Store {
     /// participant has no plan yet.
     ///
     /// # Errors
-    /// [`StoreError`]; nothing was stored.
+    /// On [`StoreError`], nothing was stored.
     pub async fn enrol(
         &self,
         new: NewParticipant,
@@ -128,7 +128,7 @@ fn enrol(
     gate: Gate,
     token_hash: [u8; 32],
 ) -> Result<Enrolment, StoreError> {
-    // Only the browser that enrolled can repeat the request; an external id may be known to anyone.
+    // Only the browser that enrolled can repeat the request, but anyone may know an external id.
     let known = match &new.request_hash {
         Some(hash) => find(db, new.study_id, "request_hash", hash)?.map(|it| (it, Scope::Full)),
         None => None,
@@ -147,7 +147,7 @@ fn enrol(
         participants::seen(db, &participant.id, new.enrolled_at_ms)?;
         return Ok(Enrolment::Known(participant, scope));
     }
-    // A closed study can be tested: pilots are not part of the data.
+    // A closed study can be tested, because pilots are not part of the data.
     if !gate.is_open && new.pilot_place.is_none() {
         return Ok(Enrolment::Closed);
     }
@@ -165,7 +165,7 @@ fn enrol(
     Ok(Enrolment::New(participant.ok_or_else(lost)?))
 }
 
-/// The place for a new participant; none if the study is full.
+/// The place for a new participant. Returns `None` if the study is full.
 fn take_place(db: &Connection, study_id: i64, gate: Gate) -> Result<Option<i64>, StoreError> {
     if gate.quota > 0 && active(db, study_id, gate.away_before_ms)? >= gate.quota {
         return Ok(None);
@@ -188,7 +188,6 @@ fn take_place(db: &Connection, study_id: i64, gate: Gate) -> Result<Option<i64>,
     Ok(given_up.or(Some(free)))
 }
 
-/// The lowest free place.
 fn lowest_free(db: &Connection, study_id: i64) -> Result<i64, StoreError> {
     let (held, after): (i64, i64) = db
         .prepare_cached(
@@ -211,8 +210,8 @@ fn lowest_free(db: &Connection, study_id: i64) -> Result<i64, StoreError> {
     Ok(gap)
 }
 
-/// Number of people who count for the quota: those who have finished, and those who have not and
-/// were seen since `away_before_ms`.
+/// Number of participants who count for the quota: they have finished, or they were seen since
+/// `away_before_ms`.
 fn active(db: &Connection, study_id: i64, away_before_ms: i64) -> Result<u64, StoreError> {
     let count: i64 = db
         .prepare_cached(

@@ -19,13 +19,13 @@ pub enum StoreError {
     /// The file at the database's path is not the one that was opened, or another process changed it.
     #[error("the database file was {0}")]
     Gone(String),
-    /// The file cannot be read or written, or the store was closed.
+    /// The database cannot be read or written, or the store was closed.
     #[error("the database cannot be used: {0}")]
     Unavailable(String),
-    /// The file is damaged, or contains a value that this version cannot read.
+    /// The database is damaged, or contains a value that this version cannot read.
     #[error("the database is damaged: {0}")]
     Corrupt(String),
-    /// The requester's key was revoked meanwhile.
+    /// The caller's key was revoked during the request.
     #[error("the key was revoked")]
     Revoked,
     /// A defect of this program.
@@ -91,7 +91,8 @@ fn of_sqlite(error: &dyn DatabaseError) -> StoreError {
         Some(5 | 6) => StoreError::Locked,
         // FULL.
         Some(13) => StoreError::Full,
-        // READONLY, IOERR, CANTOPEN: also if a file that SQLite keeps beside the database is missing.
+        // READONLY, IOERR, CANTOPEN. They also occur if a file that SQLite keeps beside the
+        // database is missing.
         Some(8 | 10 | 14) => StoreError::Unavailable(format!(
             "{message}: the disk fails, or this user may not write to the file or its folder, or -wal or -shm beside the file \
              was deleted or replaced"
@@ -110,7 +111,7 @@ fn of_postgres(error: &PgDatabaseError) -> StoreError {
     let message = error.message().replace('\n', " ");
     let advised = |advice: &str| StoreError::Unavailable(format!("{message}; {advice}"));
     match error.code() {
-        // Serialization failures, deadlocks and lock timeouts; a reference to a row that another
+        // Serialization failures, deadlocks, lock timeouts, and a reference to a row that another
         // transaction has just deleted.
         "40001" | "40P01" | "55P03" | "23503" => StoreError::Locked,
         "53100" => StoreError::Full,

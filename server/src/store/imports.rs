@@ -20,9 +20,9 @@ pub struct NewImport {
     /// SHA-256 of the participant's part of the file. It identifies the participant if the file is
     /// imported again.
     pub hash: String,
-    /// The reason of an experimenter's exclusion in the file's source, if any.
+    /// The reason if an experimenter excluded the participant in the file's source.
     pub exclusion: Option<String>,
-    /// Their trials in order; the scene of each is its first state.
+    /// The trials in order. The scene of a trial is its first state.
     pub trials: Vec<(PlannedRow, NewTrial)>,
 }
 
@@ -43,19 +43,19 @@ pub enum Import {
         /// Ids of the participants who had been imported before.
         skipped: Vec<String>,
     },
-    /// Another participant has a trial with this id; nothing in the batch was imported.
+    /// Another participant has a trial with this id. Nothing in the batch was imported.
     TrialKnown {
         /// The trial.
         trial_id: String,
     },
 }
 
-/// Most participants deleted in one transaction.
+/// Maximum number of participants deleted in one transaction.
 const UNDONE_AT_ONCE: usize = 16;
 
 impl Store {
-    /// The study with the name of `config`, created if missing; none if its parameters differ from
-    /// those of `config`.
+    /// Finds or creates the study with the name of `config`. Returns `None` if the study's
+    /// parameters differ from the parameters of `config`.
     pub async fn begin_import(
         &self,
         config: Arc<StudyConfig>,
@@ -75,7 +75,7 @@ impl Store {
     /// Imports some participants of a file, in one transaction.
     ///
     /// # Errors
-    /// [`StoreError`]; nothing was imported.
+    /// On [`StoreError`], nothing was imported.
     pub async fn import(
         &self,
         study: &StoredStudy,
@@ -87,8 +87,8 @@ impl Store {
             .await
     }
 
-    /// Undoes an import: deletes these participants, all of them imported, with their trials, and
-    /// the study if it was created for them and has no other participants.
+    /// Undoes an import. Deletes these participants, who must be imported, with their trials. Also
+    /// deletes the study if it was created for the import and has no other participants.
     pub async fn undo_import(
         &self,
         destination: &Destination,
@@ -129,7 +129,7 @@ impl Store {
     }
 }
 
-/// Which of these trials are in a plan.
+/// The query for which of these trials are in a plan.
 const PLANNED: Rows = Rows {
     before: "SELECT scene.trial_id FROM (VALUES ",
     after: ") AS asked JOIN scene ON scene.trial_id = asked.column1",

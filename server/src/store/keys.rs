@@ -37,7 +37,7 @@ pub enum Holder {
 pub enum Revocation {
     /// The key is revoked, now or earlier.
     Revoked,
-    /// It is the server's first key, which only a new first key replaces.
+    /// The key is the server's first key, which only a new first key replaces.
     First,
     /// There is no such key.
     Unknown,
@@ -101,9 +101,10 @@ impl Store {
         .await
     }
 
-    /// Stores the first key with this hash, unless one exists and `other` is false. The new key
-    /// replaces the old one and ends every session: an experimenter asks for another key after
-    /// losing the old one, or if someone else may have it. Returns whether the key was stored.
+    /// Stores the first key with this hash, unless a first key exists and `other` is false. The new
+    /// key replaces the old one and ends every session, because an experimenter asks for another
+    /// key after losing the old one, or if someone else may know it. Returns whether the key was
+    /// stored.
     pub async fn put_first_key(
         &self,
         hash: [u8; 32],
@@ -124,7 +125,8 @@ impl Store {
         .await
     }
 
-    /// Stores a further key. None if another key, even a revoked one, has its name.
+    /// Stores a further key. Returns `None` if its name is reserved, or if another key has it, even
+    /// a revoked key.
     pub async fn add_key(
         &self,
         name: &str,
@@ -162,7 +164,7 @@ impl Store {
                 Some((_, _, true)) => return Ok(Revocation::Revoked),
                 Some((name, ..)) => entry.subject = Some(name),
             }
-            // Before the change, since a key may revoke itself.
+            // The entry comes before the change, because a key may revoke itself.
             audit::add(db, &entry)?;
             let revoke = "UPDATE api_key SET revoked_at_ms = $2 WHERE id = $1";
             db.execute(revoke, params![id, entry.at_ms])?;

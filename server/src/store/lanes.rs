@@ -15,11 +15,13 @@ pub(super) enum Lane {
     Background,
 }
 
-/// Data that an operation reads and depends on: no other operation may change them until it ends.
+/// Data that an operation reads and depends on. No other operation may change the data until this
+/// operation ends.
 ///
 /// SQLite has one writer, which runs one operation at a time, so it needs no locks. PostgreSQL has
-/// many writers on many servers: an operation takes its locks before its first statement, in the
-/// order of this list, and releases them with its commit. A single-statement operation needs none.
+/// many writers on many servers. There an operation takes its locks before its first statement, in
+/// the order of this list, and its commit releases them. An operation with a single statement needs
+/// no locks.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) enum Lock {
     /// The list of studies, and their configurations.
@@ -28,15 +30,15 @@ pub(super) enum Lock {
     Keys,
     /// The participants of a study: their numbers and places.
     Study(i64),
-    /// The analyses, and whose data they use.
+    /// The analyses, and the participants whose data they use.
     Analyses,
     /// A participant's rows, by the participant's id.
     Participant(String),
 }
 
 impl Lock {
-    /// The two numbers of PostgreSQL's advisory lock. Two participants may share a lock; then one
-    /// waits for the other.
+    /// The two keys of PostgreSQL's advisory lock. Two participants may have the same keys. Then
+    /// one waits for the other.
     pub(super) fn numbers(&self) -> [i32; 2] {
         match self {
             Self::Studies => [1, 0],

@@ -1,4 +1,4 @@
-//! Migrations of both databases: all missing ones are applied in one transaction, or none.
+//! Migrations of both back ends. All missing migrations are applied in one transaction, or none is.
 
 mod renewal;
 
@@ -20,7 +20,8 @@ const TABLE: &str = "_sqlx_migrations";
 /// The former table of PostgreSQL's migrations, with other checksums.
 const FORMER_TABLE: &str = "sidestep_migration";
 
-/// Counts a commit, in its own transaction. See `migrations/sqlite/0016_mark.sql`.
+/// The statement that counts a commit, within the commit's transaction. See
+/// `migrations/sqlite/0016_mark.sql`.
 pub(super) const COUNTED: &str = "UPDATE mark \
      SET text = printf('sidestep mark %s %020d %s %s', substr(text, 15, 32), \
          CAST(substr(text, 48, 20) AS INTEGER) + 1, substr(text, 86, 16), lower(hex(randomblob(8))))";
@@ -64,9 +65,9 @@ const POSTGRES: Files = migrations! { "postgres":
 /// Why a database cannot be migrated.
 #[derive(Debug)]
 pub(super) enum Failure {
-    /// It does not fit this program.
+    /// The database does not fit this program.
     Misfit(Misfit),
-    /// It cannot be read or written.
+    /// The database cannot be read or written.
     Unusable(StoreError),
 }
 
@@ -89,7 +90,7 @@ pub(super) enum State {
     Empty,
     /// The tables of an older version.
     Older {
-        /// The number of its last migration.
+        /// The number of the database's last migration.
         found: i64,
         /// The number of the last migration of this version.
         known: i64,
@@ -129,7 +130,8 @@ pub(super) fn check_finished(db: &Connection) -> Result<(), Failure> {
     if is_unfinished(db)? { Err(Misfit::Unfinished.into()) } else { Ok(()) }
 }
 
-/// Whether a copy into the database began and did not end. Other programs may comment on the table, too.
+/// Whether a copy into the database was begun and not finished. The exact comment is compared,
+/// because other programs may comment on the table, too.
 fn is_unfinished(db: &Connection) -> sql::Result<bool> {
     let query = db.choose(
         "SELECT user_version = 1 FROM pragma_user_version",
@@ -147,20 +149,21 @@ pub(super) fn begin_copy(db: &Connection) -> Result<(), StoreError> {
     ))?)
 }
 
-/// Records that the copy is complete, if one began: a user who copies into an existing database may
-/// not own its tables.
+/// If a copy was begun, records that it is complete. Otherwise changes nothing, because a user who
+/// copies into an existing database may not own its tables.
 pub(super) fn end_copy(db: &Connection) -> Result<(), StoreError> {
     if !is_unfinished(db)? {
         return Ok(());
     }
-    // SQLite does not count a change of `user_version`, and only changes of rows are marked.
+    // A change of `user_version` does not count as a changed row, and only a commit with changed
+    // rows gets a new mark.
     Ok(db.batch(db.choose(
         "PRAGMA user_version = 0; UPDATE mark SET text = text",
         "COMMENT ON TABLE study IS NULL",
     ))?)
 }
 
-/// Applies the missing migrations. If several servers start at once, one of them does.
+/// Applies the missing migrations. If several servers start at the same time, only one does so.
 pub(super) fn apply(db: &Connection) -> Result<(), Failure> {
     let is_former = has(db, FORMER_TABLE)?;
     if check(db)? == State::Current && !is_former {
@@ -179,7 +182,7 @@ pub(super) fn apply(db: &Connection) -> Result<(), Failure> {
     )?
 }
 
-/// Creates the table of migrations in a SQLite file that has all of them.
+/// Creates the table of applied migrations in a SQLite file that has all migrations.
 fn record_all(db: &Connection) -> Result<(), Failure> {
     let known = Migrator::with_migrations(SQLITE.iter().copied().map(migration).collect());
     let adopted = SQLITE.iter().map(|(version, ..)| *version).collect();
@@ -236,12 +239,13 @@ fn sha256(sql: &str) -> Vec<u8> {
 /// The migrations to apply.
 struct Missing {
     known: Migrator,
-    /// The migrations that PostgreSQL's former table lists as applied.
+    /// The numbers of migrations that are already applied, and only have to be recorded.
     adopted: Vec<i64>,
 }
 
 impl Missing {
-    /// Applies them in one transaction. Before the commit, `wrong` must find no row; then `last` is executed.
+    /// Applies the missing migrations in one transaction. Before the commit, the query `wrong` must
+    /// find no row. Then the statement `last` is executed.
     async fn apply<DB: Database>(
         &self,
         db: &mut DB::Connection,

@@ -1,4 +1,4 @@
-//! Queued operations that run together in one transaction, and are answered after its commit.
+//! Queued operations, which run together in one transaction and are answered after its commit.
 
 use super::error::StoreError;
 use super::sql::{Connection, Question};
@@ -7,11 +7,11 @@ use tokio::sync::oneshot;
 
 /// A queued operation.
 pub(super) trait Operation: Send {
-    /// Whether a caller still waits for its answer.
+    /// Whether a caller still waits for the answer.
     fn is_wanted(&self) -> bool;
-    /// The first query that it will [ask](Connection::query_ahead).
+    /// The operation's first [query](Connection::query_ahead), if it can be prefetched.
     fn question(&self) -> Option<&Question>;
-    /// Does the work in a transaction. After an error it is rolled back, and may run again.
+    /// Does the work in a transaction. After an error, the work is rolled back, and may run again.
     fn run(&mut self, db: &Connection) -> Result<(), StoreError>;
     /// Records that a deferred statement of the work failed.
     fn fail(&mut self, error: &StoreError);
@@ -25,7 +25,8 @@ pub(super) type Batch = Vec<Box<dyn Operation>>;
 /// Receives the result of an operation.
 pub(super) type Answered<T> = oneshot::Receiver<Result<T, StoreError>>;
 
-/// Runs operations, with their first queries batched, and their deferred statements.
+/// Runs operations and their deferred statements. The first queries of the operations are
+/// prefetched as a batch.
 pub(super) fn run_together<'a>(
     db: &Connection,
     operations: impl Iterator<Item = &'a mut Box<dyn Operation>>,
@@ -39,7 +40,8 @@ pub(super) fn run_together<'a>(
     done
 }
 
-/// An operation that does this work, which may begin with a query, and the receiver of its result.
+/// An operation that does this work, and the receiver of its result. `question` is the first query
+/// of the work, if it can be prefetched.
 pub(super) fn operation<T: Send + 'static>(
     question: Option<Question>,
     work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
@@ -83,7 +85,7 @@ where
     fn answer(self: Box<Self>, committed: Result<(), StoreError>) {
         let Self { found, answer, .. } = *self;
         let never_ran = || Err(StoreError::Unavailable("it was closed".to_owned()));
-        // A client that has disconnected has seen no acknowledgement.
+        // If this fails, the client has disconnected, and has seen no acknowledgement.
         let _ = answer.send(committed.and_then(|()| found.unwrap_or_else(never_ran)));
     }
 }

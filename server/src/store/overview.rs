@@ -7,7 +7,7 @@ use sidestep::api::StudySummary;
 use sidestep::study::Status;
 
 impl Store {
-    /// Every study with its counts, oldest first; only this one, if a name is given.
+    /// Every study with its counts, oldest first. If a name is given, only this study.
     pub async fn summaries(
         &self,
         slug: Option<String>,
@@ -53,7 +53,7 @@ pub struct Counts {
     pub running: i64,
 }
 
-/// A participant counts as active for this long after their last stored trial, ms.
+/// A participant counts as active for this long after they were last seen (ms).
 const ACTIVE_MS: i64 = 600_000;
 
 /// The fields of a configuration that a list shows.
@@ -88,8 +88,8 @@ fn summaries(
         let count = |name: &str| -> sql::Result<u64> {
             Ok(row.get::<_, Option<i64>>(name)?.unwrap_or(0).unsigned_abs())
         };
-        // A study whose configuration cannot be read has no title and admits nobody; the other
-        // studies are still shown.
+        // A study whose configuration cannot be read has no title and admits no participants. The
+        // other studies are still shown.
         let config: Said = serde_json::from_str(&row.get::<_, String>("json")?).unwrap_or_default();
         let status = Status::ALL.into_iter().find(|status| status.word() == config.status);
         Ok(StudySummary {

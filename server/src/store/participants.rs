@@ -1,4 +1,4 @@
-//! Participants: permissions of tokens, check of understanding, answers, completion, withdrawal.
+//! Participants: permissions of tokens, comprehension check, answers, completion, withdrawal.
 
 use super::audit::{self, NewEntry};
 use super::lanes::Lock;
@@ -12,7 +12,7 @@ use sidestep::api::ComprehensionResult;
 pub struct Participant {
     /// Their id.
     pub id: String,
-    /// The study's row.
+    /// The id of the study's row.
     pub study_id: i64,
     /// Their number within the study, from 1.
     pub number: i64,
@@ -20,17 +20,17 @@ pub struct Participant {
     pub config_hash: String,
     /// Whether this is a pilot.
     pub pilot: bool,
-    /// Their place in the study's design; none for imported participants and old enrolments.
+    /// Their place in the study's design, or `None` for imported participants and old enrolments.
     pub place: Option<i64>,
     /// The recruiting service's id of the participant, as received.
     pub external_id: Option<String>,
-    /// Whether they passed the check of understanding.
+    /// Whether they passed the comprehension check.
     pub understood: bool,
-    /// How often they answered the check of understanding.
+    /// How often they answered the comprehension check.
     pub comprehension_attempts: u32,
     /// Whether they answered the questions after the last scene.
     pub answered: bool,
-    /// Whether the check of understanding ended their participation.
+    /// Whether the comprehension check ended their participation.
     pub screened_out: bool,
     /// The completion code, once every planned trial is stored.
     pub completion_code: Option<String>,
@@ -100,7 +100,7 @@ pub struct Visitor {
     pub completed: bool,
     /// Hash of the study's current configuration.
     pub present_config_hash: String,
-    /// How often the holder of a [`Scope::Continue`] token answered the check of understanding.
+    /// How often the holder of a [`Scope::Continue`] token answered the comprehension check.
     pub check_attempts: u32,
 }
 
@@ -128,7 +128,7 @@ impl Visitor {
         })
     }
 
-    /// How often the holder answered the check of understanding.
+    /// How often the holder answered the comprehension check.
     #[must_use]
     pub fn attempts(&self) -> u32 {
         match self.scope {
@@ -137,8 +137,8 @@ impl Visitor {
         }
     }
 
-    /// Whether the holder may see the completion code: a client that knows only the external id
-    /// sees no code that was given to someone else.
+    /// Whether the holder may see the completion code. A client that knows only the external id
+    /// does not see a code that was given to another client.
     #[must_use]
     pub fn may_see_code(&self) -> bool {
         self.scope == Scope::Full || self.completed
@@ -148,7 +148,7 @@ impl Visitor {
 /// The outcome of a completion.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Completion {
-    /// Every trial is stored; the code is the one of the first completion.
+    /// Every trial is stored. The code is from the first completion.
     Complete {
         /// The code.
         code: String,
@@ -231,13 +231,14 @@ impl Store {
         .await
     }
 
-    /// Stores the result of the check of understanding. After `most` failed attempts (0:
-    /// unlimited), the participation ends and its place is free. For a participant who has driven a
-    /// scene, the check is over and nothing is stored. Returns whether the participation is over
+    /// Stores the result of the comprehension check. After `most` failed attempts (0: unlimited),
+    /// the participation ends and its place becomes free. If the participant has passed the check
+    /// before, or has driven a scene, nothing is stored. Returns whether the participation is over
     /// for the holder of the token.
     ///
-    /// A [`Scope::Continue`] token (`continues` is its hash) has its own attempts, one per call.
-    /// They never end the participation, and do not count as the participant's.
+    /// A [`Scope::Continue`] token (`continues` is its hash) has its own number of attempts, one
+    /// per call. These attempts never end the participation. They count for the participant only if
+    /// the check is passed.
     pub async fn check_understanding(
         &self,
         participant_id: &str,
@@ -295,8 +296,8 @@ impl Store {
         .await
     }
 
-    /// Stores answers, as JSON, replacing earlier ones; a [`Scope::Continue`] token replaces none.
-    /// Returns false and stores nothing if other answers stay.
+    /// Stores answers as JSON. They replace earlier answers, unless the token has
+    /// [`Scope::Continue`]. Returns `false` and stores nothing if other answers are kept.
     pub async fn put_answers(
         &self,
         participant_id: &str,
@@ -319,7 +320,7 @@ impl Store {
         .await
     }
 
-    /// Completes a participation if all trials are stored, and the answers if they are `required`.
+    /// Completes a participation if all trials are stored, and also the answers if they are `required`.
     pub async fn complete(
         &self,
         visitor: &Visitor,
@@ -377,11 +378,12 @@ impl Store {
         .await
     }
 
-    /// Stores a withdrawal; idempotent. The participant's place becomes free. With `delete`, the
-    /// participant's trials and everything that they entered are deleted, with all results computed
-    /// from them. Their number remains, so that counts stay correct. Deleted rows are overwritten
-    /// at once, and leave the write-ahead log when no reader uses it. The entry names the
-    /// experimenter who did this, if it was not the participant.
+    /// Stores a withdrawal. Idempotent. The participant's place becomes free. With `delete`, the
+    /// participant's trials and everything that they entered are deleted, together with all results
+    /// computed from them. The participant's number remains, so that counts stay correct. Deleted
+    /// rows are overwritten immediately, and are removed from the write-ahead log when no reader
+    /// uses it. The audit entry `by` names the experimenter who did this, if it was not the
+    /// participant.
     pub async fn withdraw(
         &self,
         participant_id: &str,
@@ -405,7 +407,7 @@ impl Store {
     }
 
     /// Deletes the pilots of a study with all their trials. Returns how many there were; the audit
-    /// entry contains this number too.
+    /// entry contains this number, too.
     pub async fn delete_pilots(
         &self,
         study_id: i64,
@@ -436,7 +438,7 @@ impl Store {
         Ok(deleted)
     }
 
-    /// The ids of a study's participants, ordered by number; with `pilots`, followed by those of its pilots.
+    /// The ids of a study's participants, ordered by number. With `pilots`, the ids of its pilots follow.
     pub async fn participant_ids(
         &self,
         study_id: i64,
@@ -482,7 +484,7 @@ pub(super) fn delete_data(db: &Connection, id: &str) -> Result<(), StoreError> {
              comprehension_attempts = 0, understood_at_ms = NULL, answers = NULL, \
              answered_at_ms = NULL, completion_code = NULL, completed_at_ms = NULL, \
              screened_out_at_ms = NULL, last_seen_at_ms = withdrawn_at_ms WHERE id = $1",
-        // The hashes of tokens stay: the deletion can be repeated, and every browser of the
+        // The hashes of tokens stay, so that the deletion can be repeated, and every browser of the
         // participant learns of it.
         "UPDATE participant_token SET completed = FALSE, check_attempts = 0, created_at_ms = \
              (SELECT enrolled_at_ms FROM participant WHERE id = $1) \

@@ -13,13 +13,13 @@ pub enum SortBy {
     /// The participant's number.
     #[default]
     Number,
-    /// The last time that something was stored.
+    /// When the participant was last seen.
     LastSeen,
     /// Stored trials.
     Stored,
     /// Tasks with a late sample.
     LateSample,
-    /// Tasks that lost the focus.
+    /// Tasks in which the page lost the focus.
     FocusLost,
     /// Interrupted tasks.
     Interrupted,
@@ -35,9 +35,9 @@ pub enum SortBy {
     Excluded,
     /// Whether the participant is counted as doubtful among a study's participants.
     Doubtful,
-    /// Answers to the check of understanding.
+    /// Answers to the comprehension check.
     ComprehensionAttempts,
-    /// Wrong answers to the check of understanding.
+    /// Wrong answers to the comprehension check.
     FailedChecks,
     /// Trials that waited in the browser when the server last stored one.
     Waiting,
@@ -50,7 +50,7 @@ impl SortBy {
         !matches!(self, Self::Number | Self::LastSeen | Self::Stored)
     }
 
-    /// The SQL condition that it is above zero.
+    /// The SQL condition that the value is above zero.
     fn condition(self) -> String {
         match self {
             Self::Excluded | Self::Doubtful => self.column().to_owned(),
@@ -58,7 +58,7 @@ impl SortBy {
         }
     }
 
-    /// Its column of the tallies.
+    /// The column of the tally.
     fn column(self) -> &'static str {
         match self {
             Self::Number => "number",
@@ -87,15 +87,15 @@ pub struct Selection {
     pub pilots: bool,
     /// Whether external ids and completion codes are shown and searched.
     pub identities: bool,
-    /// Only those at this stage.
+    /// Only participants at this stage.
     pub stage: Option<Stage>,
-    /// Only those for whom this is above zero.
+    /// Only participants for whom this value is above zero.
     pub having: Option<SortBy>,
     /// Only the participant with this number, external id or completion code.
     pub search: Option<String>,
     /// The sort key; ties are ordered by number.
     pub sort: SortBy,
-    /// Whether the largest come first.
+    /// Whether the largest values come first.
     pub descending: bool,
     /// Number of participants before the page.
     pub offset: i64,
@@ -103,7 +103,7 @@ pub struct Selection {
     pub limit: i64,
 }
 
-/// The columns of a summary; filtering and sorting use only the tally.
+/// The query for a summary. Filtering and sorting use only the tally.
 const SUMMARY: &str = "SELECT tally.*, id, external_id, completion_code, enrolled_at_ms, \
      (SELECT count(*) FROM scene WHERE scene.participant_id = id) AS planned \
      FROM tally JOIN participant ON participant.id = tally.participant_id";
@@ -143,7 +143,7 @@ fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<Participant
         filter += &format!(" AND stage = ${}", chosen.len());
     }
     if let Some(having) = asked.having {
-        // Column names come only from this program; user input is bound.
+        // Column names come only from this program. User input is bound as parameters.
         filter += &format!(" AND {}", having.condition());
     }
     if search.is_some() {

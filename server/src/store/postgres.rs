@@ -1,9 +1,9 @@
 //! PostgreSQL: a database server that several Sidestep servers share.
 //!
-//! Each operation has its own transaction, at isolation level READ COMMITTED, on a session of the
-//! pool; waiting trials share a transaction. An operation first locks the data that it reads and
-//! depends on ([`Lock`]). After a connection error, the session and all idle ones are discarded, so
-//! that service resumes as soon as the database, or the server that replaced it, is back.
+//! Each operation runs in its own transaction, at isolation level READ COMMITTED, on a session of
+//! the connection pool. Waiting trials share a transaction. An operation first locks the data that
+//! it reads and depends on ([`Lock`]). After a connection error, the session and all idle sessions
+//! are discarded. So service resumes as soon as the database or a new primary is available.
 
 mod address;
 mod sessions;
@@ -30,8 +30,8 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task;
 use trials::{Trials, Waiting};
 
-/// Maximum number of sessions for each purpose. Sessions that write trials take turns with those of
-/// other servers.
+/// Maximum number of sessions for each purpose. Sessions that write trials take turns with the
+/// trial sessions of other servers.
 const SESSIONS: [usize; 5] = [4, 2, 1, 5, 4];
 
 /// The purposes: writes of trials, writes for other requests, writes for jobs, short reads, long reads.
@@ -41,15 +41,16 @@ const JOBS: usize = 2;
 const READS: usize = 3;
 const LONG_READS: usize = 4;
 
-/// Maximum number of operations that wait for a session of one kind; more are refused.
+/// Maximum number of operations that wait for a session of one kind. Further operations are refused.
 const QUEUE: usize = 1_024;
 
-/// How often a server polls for changes by other servers, while a client watches for changes.
+/// Interval at which a server polls for other servers' changes, while a client watches.
 const WATCH: Duration = Duration::from_millis(500);
 
-/// Ends a transaction that writes. If a statement has failed, COMMIT rolls back without an error,
-/// but no query succeeds; hence the query before it. It returns the end of the write-ahead log that
-/// this commit acknowledges. Other servers are notified after the commit, never before.
+/// Ends a transaction that writes. After a failed statement, COMMIT would roll back without an
+/// error. The query before it detects this, because then every query fails. The query returns the
+/// LSN up to which this commit acknowledges the write-ahead log. Other servers are notified after
+/// the commit, never before.
 const COMMIT: &str = "SELECT CAST(pg_current_wal_insert_lsn() - '0/0' AS BIGINT); COMMIT; \
      SELECT nextval('changed')";
 
@@ -67,7 +68,7 @@ pub(super) struct Postgres {
     enrolments: Kind,
 }
 
-/// State that operations take to their threads.
+/// State that operations share with their threads.
 struct Shared {
     sessions: Sessions,
     trials: Trials,
@@ -95,9 +96,9 @@ impl Kind {
         Self { free, sessions: sessions as u32, waiting: AtomicUsize::new(0) }
     }
 
-    /// Waits for its turn to use a session.
+    /// Waits for a permit to use a session.
     async fn turn(&self) -> Result<OwnedSemaphorePermit, StoreError> {
-        /// Counts a waiting caller, even one that is cancelled.
+        /// Decrements the number of waiting callers on drop, even if the caller is cancelled.
         struct Waiting<'a>(&'a AtomicUsize);
         impl Drop for Waiting<'_> {
             fn drop(&mut self) {
@@ -115,12 +116,12 @@ impl Kind {
 }
 
 impl Postgres {
-    /// Whether this is the address of such a database.
+    /// Whether this is the address of a PostgreSQL database.
     pub(super) fn is_address(url: &str) -> bool {
         Address::is_one(url)
     }
 
-    /// Connects to the database and applies missing migrations, unless it is opened to read.
+    /// Connects to the database and applies missing migrations, unless the purpose is to read.
     pub(super) fn open(url: &str, purpose: Purpose) -> Result<Self, OpenError> {
         let address = Address::parse(url)?;
         let database = address.name.clone();
@@ -130,7 +131,7 @@ impl Postgres {
             StoreError::Unavailable(reason) => unusable(reason),
             other => unusable(other.to_string()),
         };
-        // Polling for other servers' changes needs one more.
+        // Polling for other servers' changes needs one more session.
         let count = SESSIONS.iter().sum::<usize>() + 1;
         let runtime = Handle::current();
         let sessions = Sessions::new(&address, count as u32, runtime);
@@ -168,7 +169,7 @@ impl Postgres {
         }
         drop(db);
         let mut counts = SESSIONS;
-        // More would only wait for their turn.
+        // More sessions would only wait for their turn.
         counts[TRIALS] = counts[TRIALS].min(sessions.writers());
         let (kinds, enrolments) = (counts.map(Kind::new), Kind::new(1));
         let (trials, observed) = Default::default();
@@ -176,13 +177,13 @@ impl Postgres {
         Ok(Self { name: database, shared: Arc::new(shared), kinds, enrolments })
     }
 
-    /// Polls for other servers' changes from now on, while a client watches.
+    /// Starts to poll for other servers' changes, while a client watches.
     pub(super) fn watch(&self) {
         let shared = Arc::downgrade(&self.shared);
         task::spawn(watch_commits(shared));
     }
 
-    /// Identity of this database, independent of its address: its number, and the start time of its server.
+    /// Identity of this database, independent of its address: its OID, and the start time of its server.
     pub(super) async fn identity(&self) -> Result<String, StoreError> {
         let asked = "SELECT oid || ' ' || extract(epoch FROM pg_postmaster_start_time()) \
                      FROM pg_database WHERE datname = current_database()";
@@ -193,9 +194,9 @@ impl Postgres {
         &self.name
     }
 
-    /// Whether the database accepts writes now.
+    /// Checks that the database accepts writes now.
     pub(super) async fn ready(&self) -> Result<(), StoreError> {
-        // Nothing is stored, so nobody is notified.
+        // Nothing is stored, so other servers are not notified.
         let asked =
             self.transaction(REQUESTS, None, ["BEGIN", "COMMIT"].map(str::to_owned), |db| {
                 let refuses = "SELECT pg_is_in_recovery() OR \
@@ -204,7 +205,8 @@ impl Postgres {
                     true => Err(StoreError::Unavailable("it accepts no writes now".to_owned())),
                     false => {
                         check_rights(db)?;
-                        // Takes the same locks as storing a trial: another session may hold a conflicting lock.
+                        // Storing a trial takes the same locks, and another session may hold a
+                        // conflicting lock.
                         Ok(db.batch(
                             "SET LOCAL lock_timeout = '1s'; \
                              LOCK TABLE participant, scene, trial, tally IN ROW EXCLUSIVE MODE",
@@ -222,7 +224,7 @@ impl Postgres {
         Err(StoreError::Unavailable(busy.to_owned()))
     }
 
-    /// A folder for a temporary file: the system's.
+    /// The folder for a temporary file: the system's temporary directory.
     pub(super) fn room(&self) -> PathBuf {
         std::env::temp_dir()
     }
@@ -235,14 +237,14 @@ impl Postgres {
         &self.shared.observed
     }
 
-    /// Number of waiting trials, other requests and jobs.
+    /// Numbers of waiting trials, other requests and background jobs.
     pub(super) fn waiting(&self) -> [usize; 3] {
         let kind = |kind: usize| self.kinds[kind].waiting.load(Ordering::Relaxed);
         let requests = kind(REQUESTS) + self.enrolments.waiting.load(Ordering::Relaxed);
         [self.shared.trials.count(), requests, kind(JOBS)]
     }
 
-    /// Number of busy and idle sessions.
+    /// Numbers of busy and idle sessions.
     pub(super) fn sessions(&self) -> [usize; 2] {
         let busy =
             |kind: &Kind| (kind.sessions as usize).saturating_sub(kind.free.available_permits());
@@ -252,7 +254,7 @@ impl Postgres {
     /// Waits for operations in progress, and closes the sessions.
     pub(super) async fn close(&self) {
         for kind in &self.kinds {
-            // Holding all of its permits means that nothing is in progress.
+            // Once all permits are acquired, no operation is in progress.
             if let Ok(all) = kind.free.acquire_many(kind.sessions).await {
                 all.forget();
             }
@@ -275,7 +277,7 @@ impl Postgres {
         reading.await.map_err(|error| StoreError::Defect(error.to_string()))?
     }
 
-    /// Reads any number of rows, from one snapshot.
+    /// Reads any number of rows from one snapshot.
     pub(super) async fn read_long<T: Send + 'static>(
         &self,
         read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
@@ -286,7 +288,7 @@ impl Postgres {
         self.transaction(LONG_READS, None, [BEGIN.to_owned(), "COMMIT".to_owned()], read).await
     }
 
-    /// Runs an operation; returns its result after the commit.
+    /// Runs an operation and returns its result after the commit.
     pub(super) async fn write<T: Send + 'static>(
         &self,
         lane: Lane,
@@ -309,8 +311,8 @@ impl Postgres {
         Ok(done)
     }
 
-    /// The same for a trial: the first to get a session stores all waiting trials. The work runs
-    /// again if another trial of its transaction fails.
+    /// Stores a trial. The first caller to get a session stores a batch of waiting trials. `work`
+    /// runs again if another trial of its transaction fails.
     pub(super) async fn write_trial<T: Send + 'static>(
         &self,
         locks: Vec<Lock>,
@@ -332,7 +334,7 @@ impl Postgres {
         answered.await.unwrap_or_else(lost)
     }
 
-    /// A transaction on a session of this kind. The caller may hold another permit, too.
+    /// Runs a transaction on a session of this kind. `other_turn` is another permit that the operation needs.
     async fn transaction<T: Send + 'static>(
         &self,
         kind: usize,
@@ -343,7 +345,7 @@ impl Postgres {
         let turn = self.kinds[kind].turn().await?;
         let shared = Arc::clone(&self.shared);
         let working = task::spawn_blocking(move || {
-            // The caller may be cancelled: permits stay with the work.
+            // The caller may be cancelled, so the work keeps the permits.
             let _turns = (turn, other_turn);
             let begun = Instant::now();
             let done = shared.transact([&begin, &commit], work)?;
@@ -357,7 +359,6 @@ impl Postgres {
 }
 
 impl Shared {
-    /// A transaction.
     fn transact<T>(
         &self,
         [begin, commit]: [&str; 2],
@@ -385,7 +386,7 @@ impl Shared {
     }
 }
 
-/// Checks that the user can see the schema. Without rights to it, it would seem empty.
+/// Checks that the user can see the schema. Without rights to the schema, the database would seem empty.
 fn check_schema(db: &Connection) -> Result<(), StoreError> {
     if db.query_row("SELECT current_schema() IS NULL", [], |row| row.get(0))? {
         let hidden = "this user has no rights to the schema of the tables; GRANT USAGE ON SCHEMA (public) to it";
@@ -394,14 +395,14 @@ fn check_schema(db: &Connection) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// The tables that a server writes to: all but the migrations, and the sequence that notifies other
-/// servers of changes.
+/// The tables that a server writes to (all except the table of migrations), and the sequence that
+/// notifies other servers of changes.
 pub(super) const TABLES: &str = "study_config study study_version participant participant_token scene trial \
      value_function safety_function api_key session audit note exclusion tally analysis analysis_participant \
      analysis_file analysis_cell analysis_predictor analysis_trial predictor_kind predictor_participant throttle \
      changed";
 
-/// Checks that the user may write to all of them.
+/// Checks that the user may write to all [`TABLES`].
 fn check_rights(db: &Connection) -> Result<(), StoreError> {
     let asked = "SELECT coalesce(string_agg(name, ', '), '') \
                  FROM unnest(string_to_array($1, ' ')) AS name WHERE CASE \
@@ -423,7 +424,8 @@ fn check_rights(db: &Connection) -> Result<(), StoreError> {
     )))
 }
 
-/// Begins a transaction with these locks. All take them in the same order, so there are no deadlocks.
+/// Statements that begin a transaction with these locks. All transactions take the locks in the
+/// same order, so there are no deadlocks.
 fn begin(locks: Vec<Lock>) -> String {
     format!("BEGIN{}", taking(locks))
 }

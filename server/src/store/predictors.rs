@@ -13,19 +13,19 @@ pub struct NewPredictor {
     pub file: String,
     /// The number of the participant whose tasks trained it.
     pub participant: i64,
-    /// Its place in the tables of the analysis.
+    /// Its position in the tables of the analysis.
     pub place: usize,
     /// The kind of model.
     pub model: &'static str,
-    /// 1 or 2.
+    /// The experiment, 1 or 2.
     pub experiment: u8,
     /// The name of the feature set.
     pub features: String,
     /// The names of the features in it.
     pub columns: Vec<String>,
-    /// Share predicted right in cross-validation, from 0 to 1.
+    /// Accuracy in cross-validation, from 0 to 1.
     pub cv_accuracy: f64,
-    /// Share of the test steps predicted right, from 0 to 1.
+    /// Accuracy on the test steps, from 0 to 1.
     pub test_accuracy: f64,
 }
 
@@ -34,14 +34,14 @@ pub struct NewPredictor {
 pub struct UsedTask {
     /// The trial.
     pub trial_id: String,
-    /// Whether it trained the models of the participant who drove it; otherwise it tested them.
+    /// Whether the task trained the models of the participant who drove it. Otherwise the task tested them.
     pub trains: bool,
 }
 
 /// Filter and page of a list of models.
 #[derive(Clone, Debug, Default)]
 pub struct Selection {
-    /// Only those of the participant with this number.
+    /// Only models of the participant with this number.
     pub participant: Option<i64>,
     /// Only this kind of model.
     pub model: Option<&'static str>,
@@ -65,7 +65,7 @@ pub struct ChosenPredictor {
 }
 
 impl Store {
-    /// Lists models of a job whose files are stored, if the job is still wanted. Returns whether it is.
+    /// Records models of a job whose files are stored, if the job is still wanted. Returns whether it is.
     pub async fn put_predictors(
         &self,
         job: &Job,
@@ -111,7 +111,7 @@ impl Store {
     ) -> Result<bool, StoreError> {
         let (sequence, attempt) = (job.sequence, job.attempt);
         self.write_behind([Lock::Analyses], move |db| {
-            // A participant whose first trials arrived after the analysis began belongs to it as well.
+            // A participant whose first trials arrived after the analysis began also belongs to the analysis.
             let mut join = db.prepare_cached(
                 "INSERT INTO analysis_participant (analysis, participant_id) \
                  SELECT sequence, participant_id FROM analysis, scene WHERE trial_id = $3 \
@@ -134,7 +134,7 @@ impl Store {
         .await
     }
 
-    /// A page of the models of an analysis; none if there is no such analysis.
+    /// A page of the models of an analysis. Returns `None` if there is no such analysis.
     pub async fn predictors(
         &self,
         id: &str,
@@ -156,12 +156,12 @@ impl Store {
     }
 }
 
-/// The models of the analysis with the row number `$1`.
+/// The SQL condition for the models of the analysis with the sequence number `$1`, if it is done.
 const OF_ANALYSIS: &str = "analysis = $1 \
      AND (SELECT state FROM analysis WHERE sequence = $1) = 'done'";
 
-/// The SQL condition for models, or kinds of models, that pass a filter. A participant's models are
-/// found by the index.
+/// The SQL condition for models, or kinds of models, that pass a filter. The models of a
+/// participant are found by an index.
 fn filter(asked: &Selection) -> String {
     let participant = match asked.participant {
         Some(_) => "participant_number = $2",
@@ -192,7 +192,8 @@ fn page(db: &Connection, id: &str, asked: &Selection) -> Result<Option<Predictor
     let mut bound: Vec<&dyn ToSql> =
         vec![&analysis, &asked.participant, &asked.model, &asked.experiment, &asked.features];
     let filter = filter(asked);
-    // A participant has about a hundred models, an analysis perhaps a million.
+    // A participant has about a hundred models, but an analysis may have a million. These are
+    // counted in advance.
     let query = match asked.participant {
         Some(_) => format!("SELECT count(*) FROM analysis_predictor WHERE {filter}"),
         None => format!(

@@ -13,13 +13,13 @@ use std::collections::{BTreeMap, HashMap};
 /// A participant's complete record.
 #[derive(Clone, Debug)]
 pub struct Profile {
-    /// As in the list.
+    /// The participant's entry in the list.
     pub summary: ParticipantSummary,
     /// The study's name.
     pub study: String,
     /// Hash of the configuration of their enrolment.
     pub config_hash: String,
-    /// When they withdrew.
+    /// When they withdrew, if they did.
     pub withdrawn_at_ms: Option<i64>,
     /// Whether their data were deleted.
     pub data_deleted: bool,
@@ -42,7 +42,7 @@ impl Store {
         self.read_long(move |db| profile(db, &id)).await
     }
 
-    /// Adds a note about a participant; none if there is no such participant.
+    /// Adds a note about a participant. Returns `None` if there is no such participant.
     ///
     /// # Errors
     /// [`StoreError::Revoked`] if the key was revoked.
@@ -88,8 +88,8 @@ impl Store {
         Ok(deleted)
     }
 
-    /// Excludes a participant from analyses for this reason, or includes them again if there is
-    /// none. Returns whether the participant exists.
+    /// Excludes a participant from analyses for this reason, or includes them again if there is no
+    /// reason. Returns whether the participant exists.
     ///
     /// # Errors
     /// [`StoreError::Revoked`] if the key was revoked.

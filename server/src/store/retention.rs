@@ -5,7 +5,7 @@ use super::lanes::Lock;
 use super::sql::{OptionalExtension, params};
 use super::{Store, StoreError, participants};
 
-/// The data that a rule concerns, of participants last seen before an instant.
+/// The data that a rule concerns. The rule applies to participants last seen before a given time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Concern {
     /// All data of every participant.
@@ -33,11 +33,11 @@ pub struct Due {
     pub id: String,
     /// Their number in the study.
     pub number: i64,
-    /// Whether they are a pilot; pilots have their own numbers.
+    /// Whether they are a pilot. Pilots have their own numbers.
     pub pilot: bool,
 }
 
-/// The SQL condition that a rule concerns a participant last seen before an instant.
+/// The SQL condition for a participant whom a rule concerns, last seen before this time.
 fn due(before: &str, concern: Concern) -> String {
     let concerns = concern.condition();
     format!("last_seen_at_ms < {before} AND data_deleted = FALSE AND {concerns}")
@@ -94,8 +94,8 @@ impl Store {
     /// Deletes a participant's data that a rule concerns, unless the participant was seen at or
     /// after `before_ms`. Returns whether it deleted anything.
     ///
-    /// Without identifying data, participants can continue only in the browser in which they began;
-    /// their trials stay.
+    /// Without identifying data, participants can continue only in the browser in which they began.
+    /// Their trials stay.
     pub async fn delete_due(
         &self,
         id: &str,

@@ -19,27 +19,27 @@ pub struct RosterEntry {
     pub external_id: Option<String>,
     /// Hash of the configuration of their enrolment.
     pub config_hash: String,
-    /// Whether their trials were read from a file.
+    /// Whether they were imported from a file.
     pub imported: bool,
     /// The language and hash of the consent text that they agreed to.
     pub consent: [Option<String>; 2],
-    /// When they enrolled, were last seen, passed the check of understanding, were screened out,
-    /// answered the questions, completed and withdrew, ms since 1970.
+    /// When they enrolled, were last seen, passed the comprehension check, were screened out,
+    /// answered the questions, completed and withdrew (ms since 1970).
     pub times_ms: [Option<i64>; 7],
-    /// How often they answered the check of understanding.
+    /// How often they answered the comprehension check.
     pub comprehension_attempts: i64,
     /// The completion code, if they completed.
     pub completion_code: Option<String>,
     /// Whether their data were deleted.
     pub data_deleted: bool,
-    /// Number of stored trials, in the order of [`Phase::ALL`](sidestep::trial::Phase::ALL),
-    /// counted when they were stored.
+    /// Number of stored trials in each phase, in the order of
+    /// [`Phase::ALL`](sidestep::trial::Phase::ALL), counted when they were stored.
     pub trials: [i64; 3],
     /// Recorded URL parameters.
     pub parameters: BTreeMap<String, String>,
     /// Answers by the question's name.
     pub answers: BTreeMap<String, Value>,
-    /// When an experimenter excluded them, ms since 1970, and why; none if analyses use them.
+    /// When an experimenter excluded them (ms since 1970), and why. `None` if analyses use them.
     pub exclusion: Option<(i64, String)>,
 }
 
@@ -51,7 +51,7 @@ impl Store {
         pilots: bool,
     ) -> Result<Vec<RosterEntry>, StoreError> {
         self.read_long(move |db| {
-            // Reads the table itself: a damaged index may miss rows.
+            // Reads the table itself, because a damaged index may miss rows.
             let people = db.choose("participant NOT INDEXED", "participant");
             let mut statement = db.prepare_cached(&format!(
                 "SELECT participant.number, participant.id, place, external_id, config_hash, import_hash IS NOT NULL, \
@@ -100,7 +100,8 @@ impl Store {
         .await
     }
 
-    /// Number of stored trials of a participant, as they were counted; none if the participant was deleted.
+    /// Number of stored trials of a participant, as they were counted. Returns `None` if the
+    /// participant was deleted.
     pub async fn stored_trials(&self, participant_id: &str) -> Result<Option<i64>, StoreError> {
         let participant_id = participant_id.to_owned();
         self.read_long(move |db| {
@@ -112,7 +113,7 @@ impl Store {
     }
 }
 
-/// A JSON object in a column; empty if the column is NULL.
+/// Parses the JSON object in a column. It is empty if the column is NULL.
 fn object<T: DeserializeOwned + Default>(row: &Row, at: usize) -> Result<T, StoreError> {
     let text: Option<String> = row.get(at)?;
     text.map_or(Ok(T::default()), |text| serde_json::from_str(&text).map_err(StoreError::corrupt))

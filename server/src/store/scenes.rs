@@ -18,7 +18,7 @@ pub struct PlannedRow {
     pub phase: Phase,
     /// Index within the phase, from 0.
     pub index: usize,
-    /// 1; 2 if the scene is driven again because its first trial was interrupted.
+    /// 1, or 2 if the scene is driven again because its first trial was interrupted.
     pub attempt: u32,
     /// Both vehicles and the goal.
     pub scene: Scene,
@@ -38,7 +38,7 @@ pub fn trial_ids() -> impl Iterator<Item = String> {
     })
 }
 
-/// Length of the prefix that the ids of a plan share, bytes; the other ten bytes are random.
+/// Length of the prefix that the ids of a plan share (bytes). The other ten bytes are random.
 const SHARED: usize = 6;
 
 /// The columns that [`scene_of`] reads.
@@ -65,7 +65,6 @@ const INSERT: Rows = Rows {
     after: "",
 };
 
-/// Stores a planned scene.
 pub(super) fn insert(
     db: &Connection,
     participant_id: &str,

@@ -44,7 +44,7 @@ pub enum Value<'a> {
 impl sql::ToSql for Value<'_> {
     fn value(&self) -> sql::Value<'_> {
         match *self {
-            // The kind is irrelevant: SQLite needs no type for NULL.
+            // The kind is irrelevant, because SQLite needs no type for NULL.
             Self::Null => sql::Value::Null(sql::Kind::Text),
             Self::Whole(number) => sql::Value::Integer(number),
             Self::Number(number) => sql::Value::Real(number),

@@ -1,14 +1,14 @@
-//! SQL on two databases, through sqlx: the connection that the store's operations use.
+//! The connection that the store's operations use: SQL on two databases, through sqlx.
 //!
 //! Each statement is written once, in the subset that both databases understand, with numbered
-//! parameters (`$1`). Where the dialects differ, [`Connection::choose`] picks one. The subset:
-//! Booleans are `TRUE` and `FALSE`, and `CAST(… AS BIGINT)` makes them integers; a sum is cast to
-//! `BIGINT`; nullable values are compared with `IS DISTINCT FROM`; a table in `FROM (…)` has an
-//! alias. The type of a parameter is that of the Rust value, even for NULL, so PostgreSQL never
-//! infers one.
+//! parameters (`$1`). Where the dialects differ, [`Connection::choose`] picks the text. In the
+//! subset, Booleans are `TRUE` and `FALSE`, and `CAST(… AS BIGINT)` makes them integers. A sum is
+//! cast to `BIGINT`. Nullable values are compared with `IS DISTINCT FROM`. A subquery in `FROM (…)`
+//! has an alias. A parameter has the type of its Rust value, even for NULL, so PostgreSQL never
+//! infers a type.
 //!
-//! An operation is a plain function that blocks its thread for each query. Therefore a cancelled
-//! request never leaves a transaction half done: the thread runs the operation to its end.
+//! An operation is a plain function that blocks its thread for each query. A cancelled request
+//! never leaves a transaction half done, because the thread runs the operation to its end.
 
 mod value;
 mod row;
@@ -30,12 +30,11 @@ use rows::{Asked, Waiting};
 pub(super) use rows::{Question, Rows};
 pub(super) use value::{Kind, ToSql, Value};
 
-/// The error of a statement.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Error {
     /// A row was expected, but none was found.
     NoRow,
-    /// Anything else.
+    /// Any other error.
     Store(StoreError),
 }
 
@@ -60,7 +59,6 @@ impl From<sqlx::Error> for Error {
     }
 }
 
-/// The result of a statement.
 pub(super) type Result<T, E = Error> = core::result::Result<T, E>;
 
 /// Turns a missing row into `None`.
@@ -81,11 +79,9 @@ impl<T> OptionalExtension<T> for Result<T> {
 
 /// The parameters of a statement, in the order of their numbers.
 pub(super) trait Params {
-    /// Their values.
     fn values(&self) -> Vec<Value<'_>>;
 }
 
-/// No parameters.
 impl Params for [&dyn ToSql; 0] {
     fn values(&self) -> Vec<Value<'_>> {
         Vec::new()
@@ -124,7 +120,7 @@ macro_rules! params {
 
 pub(super) use params;
 
-/// References to missing rows, each as a sentence.
+/// A query of SQLite for references to missing rows, each as a sentence.
 pub(super) const DANGLING: &str = "SELECT \"table\" || ': row ' || coalesce(rowid, -1) || \
      ' refers to nothing in ' || parent FROM pragma_foreign_key_check";
 
@@ -134,7 +130,7 @@ pub(super) struct Connection {
     link: RefCell<Link>,
     /// Rows of parameters whose statement is deferred.
     waiting: RefCell<Waiting>,
-    /// Results of queries that were asked ahead.
+    /// Results of queries that [`Connection::ask_ahead`] has prefetched.
     asked: RefCell<Asked>,
 }
 
@@ -142,16 +138,15 @@ pub(super) struct Connection {
 enum Link {
     /// A connection to a file. A thread of sqlx executes the statements.
     Sqlite(SqliteConnection),
-    /// A connection to a server; the runtime waits for its answers.
+    /// A session with a PostgreSQL server. The runtime waits for the answers.
     Postgres(Box<PoolConnection<Postgres>>, Handle),
-    /// Closed.
     Closed,
 }
 
 impl Drop for Connection {
     fn drop(&mut self) {
-        // sqlx would close the file asynchronously on its own thread; until then, another process
-        // would find its log.
+        // sqlx would close the file asynchronously on its own thread. Until then, another process
+        // would find the log.
         if let Link::Sqlite(db) = self.link.replace(Link::Closed) {
             let _ = block_on(sqlx::Connection::close(db));
         }
@@ -176,7 +171,7 @@ impl Connection {
         Self::to(Link::Postgres(Box::new(session), runtime))
     }
 
-    /// Takes the session, to return it to the pool.
+    /// Takes the session out of the connection, so that the caller can close it.
     pub(super) fn into_session(self) -> Option<PoolConnection<Postgres>> {
         match self.link.replace(Link::Closed) {
             Link::Postgres(session, _) => Some(*session),
@@ -208,7 +203,7 @@ impl Connection {
         Ok(())
     }
 
-    /// Executes statements without parameters on PostgreSQL; the first one returns a row.
+    /// Executes statements without parameters on PostgreSQL. The first statement returns a row.
     pub(super) fn batch_with_answer<T>(
         &self,
         sql: &'static str,
@@ -224,11 +219,11 @@ impl Connection {
         read(&Row::Postgres(rows.into_iter().next().ok_or(Error::NoRow)?))
     }
 
-    /// Defers a statement for one row of parameters, without a result. Deferred rows of the same
-    /// statement are executed together before the next other statement, or at the end of the
-    /// transaction; errors are reported then. The rows of one statement have different targets: its
-    /// effect on one target is independent of the others. Statements are executed in the order of
-    /// their first rows.
+    /// Defers a statement without a result for one row of parameters. The deferred rows of a
+    /// statement are executed as a batch, before the next statement that is not deferred or at the
+    /// end of the transaction. Errors are reported then. The rows of a batch have different
+    /// targets, which do not affect each other. Statements are executed in the order of their first
+    /// rows.
     pub(super) fn execute_row_later(
         &self,
         rows: &'static Rows,
@@ -265,9 +260,10 @@ impl Connection {
         Ok(found)
     }
 
-    /// Asks several questions of one query at once; its first parameter and first column are the
-    /// target. [`Self::query_ahead`] returns the results. If several questions have the same
-    /// target, only the first is asked ahead, since its operation may change the answers to the others.
+    /// Prefetches the results of one query for several rows of parameters. The query's first
+    /// parameter and first column are the target. [`Self::query_ahead`] returns the results. If
+    /// several questions have the same target, only the first is prefetched, because its operation
+    /// may change the answers to the others.
     pub(super) fn ask_ahead(&self, questions: Vec<Question>) -> Result<()> {
         let Some((query, _)) = questions.first() else { return Ok(()) };
         let query: &Rows = query;
@@ -289,12 +285,12 @@ impl Connection {
         Ok(())
     }
 
-    /// Discards results of queries that were asked ahead, which are out of date.
+    /// Discards prefetched results, which are out of date.
     pub(super) fn forget_asked(&self) {
         self.asked.borrow_mut().clear();
     }
 
-    /// The row that a query finds. The first parameter is the target.
+    /// The row that a query finds, or the prefetched row. The first parameter is the target.
     /// [Deferred](Self::execute_row_later) statements are executed first only if they have this
     /// target.
     pub(super) fn query_ahead<T, E: From<Error>>(
@@ -338,7 +334,7 @@ impl Connection {
         }
     }
 
-    /// A statement that will be used again: the connection caches it prepared.
+    /// A statement that the connection prepares and caches for reuse.
     pub(super) fn prepare_cached(&self, sql: &str) -> Result<Statement<'_>> {
         Ok(Statement { db: self, sql: sql.into() })
     }
@@ -371,13 +367,12 @@ impl Connection {
         Ok(changed)
     }
 
-    /// Executes a statement that begins or ends a transaction or a savepoint. For these, SQLite
-    /// reports the number of rows that the previous statement changed.
+    /// Executes a statement that begins or ends a transaction or a savepoint. It returns no count,
+    /// because SQLite would report the number of rows that the previous statement changed.
     pub(super) fn control(&self, sql: &'static str) -> Result<()> {
         self.run(&sql.into(), &[]).map(drop)
     }
 
-    /// The rows that a statement finds.
     fn rows(&self, sql: &Arc<str>, values: &[Value<'_>]) -> Result<Vec<Row>> {
         Ok(match &mut *self.link.borrow_mut() {
             Link::Sqlite(db) => {
@@ -420,7 +415,7 @@ fn query<DB: Database>(
 where
     DB::Arguments: sqlx::IntoArguments<DB>,
 {
-    // The statement's text is the store's own: user input is always bound as parameters.
+    // The text of a statement comes only from the store. User input is always bound as parameters.
     sqlx::query_with(AssertSqlSafe(Arc::clone(sql)), arguments)
 }
 
@@ -440,19 +435,18 @@ pub(super) struct Statement<'c> {
 }
 
 impl Statement<'_> {
-    /// Executes it and returns the number of rows that it changed.
+    /// Executes the statement and returns the number of rows that it changed.
     pub(super) fn execute(&mut self, params: impl Params) -> Result<usize> {
         self.db.settle()?;
         let changed = self.db.run(&self.sql, &params.values())?;
         Ok(usize::try_from(changed).unwrap_or(usize::MAX))
     }
 
-    /// Whether it finds a row.
+    /// Whether the statement finds a row.
     pub(super) fn exists(&mut self, params: impl Params) -> Result<bool> {
         Ok(self.db.row(&self.sql, &params.values())?.is_some())
     }
 
-    /// The first row that it finds.
     pub(super) fn query_row<T>(
         &mut self,
         params: impl Params,
@@ -470,7 +464,7 @@ impl Statement<'_> {
         self.query_and_then(params, read)
     }
 
-    /// The same for a `read` with any type of error.
+    /// Like [`Self::query_map`], for a `read` with any type of error.
     pub(super) fn query_and_then<T, E: From<Error>>(
         &mut self,
         params: impl Params,

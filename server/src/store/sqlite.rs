@@ -1,7 +1,7 @@
-//! SQLite: a file with many readers and one writer thread.
+//! The SQLite back end: one file, many readers and one writer thread.
 //!
-//! Reads (`readers`) and writes (`writer`) are separate: SQLite has only one writer at a time, and in
-//! WAL mode readers never wait.
+//! Reads (`readers`) and writes (`writer`) are separate, because SQLite allows only one writer at a
+//! time, while readers never wait in WAL mode.
 
 mod file;
 mod connection;
@@ -38,25 +38,25 @@ pub(super) use file::{DatabaseFile, Identity};
 pub use file::{LEAST_FREE_BYTES, MAGIC};
 pub use mark::Misplaced;
 
-/// An open file of this version.
+/// An open database file with the schema of this version.
 #[derive(Debug)]
 pub(super) struct Sqlite {
     /// The file that the user named.
     named: DatabaseFile,
-    /// The file in use: the named one, or a copy of it.
+    /// The file in use: the named file, or a migrated copy of it.
     file: DatabaseFile,
     original: Arc<Original>,
     readers: Arc<Readers>,
     writer: Writer,
     watch: Mutex<Option<Watch>>,
-    /// The lock for exclusive use of the file.
+    /// The lock for exclusive use of the file, if it was taken.
     lock: Mutex<Option<File>>,
     #[expect(dead_code, reason = "it is deleted when this is dropped")]
     copy: Option<Copied>,
 }
 
 impl Sqlite {
-    /// Opens the file and applies missing migrations, unless it is opened to read.
+    /// Opens the file and applies missing migrations. If the purpose is to read, a copy is migrated instead.
     pub(super) fn open(named: DatabaseFile, purpose: Purpose) -> Result<Self, OpenError> {
         let name = || named.path().display().to_string();
         let is_alone = matches!(purpose, Purpose::Alone | Purpose::Copy);
@@ -102,7 +102,7 @@ impl Sqlite {
                 why => OpenError::Misplaced { database, log, why },
             });
         }
-        // Servers of versions without marks do not lock the index.
+        // Servers of versions that had no marks do not lock the index.
         let has_mark = matches!(mark::of_file(&named), Ok(Some(_)));
         if !is_alone && has_mark && !named.shares_index() {
             return Err(unusable(format!(
@@ -121,7 +121,8 @@ impl Sqlite {
             }
             Purpose::Change | Purpose::Read => {}
         }
-        // If this program cannot use the file, or another server does, not a single byte of it is changed.
+        // If this program cannot use the file, or another server uses it, not a single byte of the
+        // file is changed.
         let untouching = connection::untouching(&named).map_err(refused)?;
         let checked = migrations::check(&untouching).and_then(|state| {
             if state != State::Empty && purpose != Purpose::Copy {
@@ -129,7 +130,8 @@ impl Sqlite {
             }
             Ok(state)
         });
-        // A copy made while a server was writing mixes two states; applying a log to it would not repair it.
+        // A copy made while a server was writing mixes two states. Applying a log to the copy would
+        // not repair it.
         let is_left = checked.is_ok()
             && purpose != Purpose::Read
             && named.has_log()
@@ -150,7 +152,7 @@ impl Sqlite {
         }
         let is_current = state == State::Current;
         let lock = match (is_alone, purpose, is_current) {
-            // A server of an older version may be using the file, and could not continue with a migrated one.
+            // A server of an older version may be using the file. It could not continue after a migration.
             (true, ..) | (_, Purpose::Create | Purpose::Change, false) => {
                 let lock = named.lock_soon().map_err(|error| unusable(error.to_string()))?;
                 Some(lock.ok_or_else(|| OpenError::Served(name()))?)
@@ -198,11 +200,11 @@ impl Sqlite {
         Ok(Self { named, file, original, readers, writer, watch, lock, copy })
     }
 
-    /// Whether the database accepts writes now.
+    /// Checks that the database accepts writes now.
     pub(super) async fn ready(&self) -> Result<(), StoreError> {
         const PATIENCE: Duration = Duration::from_secs(2);
         self.original.check()?;
-        // After a refused write, only a real write shows whether the disk accepts writes again.
+        // After a failed write, only a real write shows whether the disk accepts writes again.
         let probe = match self.writer.has_failed() {
             true => "UPDATE mark SET text = text",
             false => "UPDATE mark SET text = text WHERE FALSE",
@@ -212,7 +214,7 @@ impl Sqlite {
         self.file.check_disk()
     }
 
-    /// The folder of the file, if it has enough space for a temporary file of this length.
+    /// Returns the folder of the file, if it has enough space for a temporary file of this size (bytes).
     pub(super) fn room(&self, bytes: u64) -> Result<PathBuf, StoreError> {
         let enough = LEAST_FREE_BYTES.saturating_mul(16).saturating_add(bytes);
         if self.file.free_bytes()? < enough {
@@ -248,7 +250,7 @@ impl Sqlite {
         writing.await.map_err(|error| StoreError::Defect(error.to_string()))?
     }
 
-    /// Damaged pages and dangling references.
+    /// Lists damaged pages and dangling references.
     pub(super) async fn damage(&self) -> Result<Vec<String>, StoreError> {
         self.read_long(connection::damage).await
     }
@@ -266,7 +268,7 @@ impl Sqlite {
         self.watch.lock().unwrap_or_else(PoisonError::into_inner).take();
         self.readers.close();
         self.writer.close();
-        // Last: closing any handle of the file releases SQLite's locks on it.
+        // The lock comes last, because closing any handle of the file releases SQLite's locks on it.
         self.lock.lock().unwrap_or_else(PoisonError::into_inner).take();
     }
 
@@ -274,7 +276,7 @@ impl Sqlite {
         self.original.rescue_elsewhere();
     }
 
-    /// Why nothing is stored any more, if stored data could not be rescued either.
+    /// Returns why nothing is stored any more, if the stored data could not be rescued either.
     pub(super) fn unrescued(&self) -> Option<StoreError> {
         let gone = || self.original.check().err().filter(|_| self.original.lacks_rescue());
         self.original.lost().or_else(gone)
@@ -284,7 +286,7 @@ impl Sqlite {
         self.writer.observed()
     }
 
-    /// Number of waiting trials, other requests and jobs.
+    /// Numbers of waiting trials, other requests and background jobs.
     pub(super) fn waiting(&self) -> [usize; 3] {
         self.writer.waiting()
     }
@@ -312,7 +314,7 @@ impl Sqlite {
         lane: Lane,
         work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        // It runs once, since it has a savepoint.
+        // The operation runs only once, because it has its own savepoint.
         let mut work = Some(work);
         let once = move |db: &Connection| match work.take() {
             Some(work) => work(db),
@@ -321,7 +323,7 @@ impl Sqlite {
         self.writer.run(lane, None, once).await
     }
 
-    /// The same for a trial, which runs again if another trial of its transaction fails.
+    /// Writes a trial. `work` runs again if another trial of its transaction fails.
     pub(super) async fn write_trial<T: Send + 'static>(
         &self,
         question: Option<Question>,
@@ -336,7 +338,7 @@ mod tests {
     use super::*;
     use std::os::unix::fs::FileExt;
 
-    /// After a disk error, the writer closes its connection; it has none when the file is deleted then.
+    /// After a disk error, the writer closes its connection, so it has none open when the file is deleted.
     #[tokio::test(flavor = "multi_thread")]
     async fn a_deleted_file_is_rescued_through_a_reader() {
         let folder = tempfile::tempdir().unwrap();
@@ -382,7 +384,7 @@ mod tests {
         Ok(db.query_row("SELECT count(*) FROM study_config", [], |row| row.get(0))?)
     }
 
-    /// By the list in the index SQLite writes the log back, by the hash table it reads.
+    /// SQLite uses the page list of the index for checkpoints, and its hash table for reads.
     #[tokio::test(flavor = "multi_thread")]
     async fn a_log_whose_index_was_overwritten_is_not_written_back() {
         let folder = tempfile::tempdir().unwrap();
@@ -396,13 +398,13 @@ mod tests {
         ] {
             let file = of(format!("{name}.db"));
             let db = with_rows(&file, 0..30).await;
-            // Compared once, and the log does not change any more.
+            // This compares the log with its index. The log does not change after it.
             db.original.check_all().unwrap();
             let index = File::options().write(true).open(file.index()).unwrap();
             index.write_all_at(&junk, at).unwrap();
             assert!(db.original.check_all().is_err(), "{name}");
             db.close();
-            // In this process, SQLite would go on with the same index.
+            // Within this process, SQLite would continue to use the overwritten index.
             let copy = of(format!("copy of {name}.db"));
             std::fs::copy(file.path(), copy.path()).unwrap();
             std::fs::copy(file.log(), copy.log()).unwrap();
@@ -452,7 +454,7 @@ mod tests {
         assert_eq!(std::fs::read(log).unwrap(), b"a log");
     }
 
-    /// SQLite would write the pages of the journal into the database, which are those of another one.
+    /// SQLite would write the pages of the journal into the database, although they belong to another one.
     #[tokio::test]
     async fn a_rollback_journal_is_not_applied() {
         let folder = tempfile::tempdir().unwrap();
@@ -479,12 +481,12 @@ mod tests {
             assert!(said.contains("study.db-journal is a rollback journal"), "{said}");
         }
         assert!(std::fs::read(of("study.db").path()).unwrap() == before && beside.exists());
-        // SQLite leaves an empty journal, or one without its beginning, when a transaction has ended.
+        // After a transaction, SQLite may leave behind an empty journal, or a journal with a zeroed header.
         std::fs::write(&beside, [0; 512]).unwrap();
         Sqlite::open(of("study.db"), Purpose::Alone).unwrap().close();
     }
 
-    /// While the log is written back, and after a crash or in a copy made then, the file mixes two states.
+    /// During a checkpoint, the file mixes two states. A crash or a copy at that time preserves the mixture.
     #[tokio::test(flavor = "multi_thread")]
     async fn a_torn_file_is_read_with_its_own_log_and_changed_with_no_other() {
         let folder = tempfile::tempdir().unwrap();
@@ -502,7 +504,7 @@ mod tests {
         assert!(later[..] != log[..] && new.len() > old.len());
         let _another = with_rows(&of("another.db"), 0..8).await;
         let others = bytes(of("another.db").log());
-        // Pages are written in order; here up to the one with the mark.
+        // A checkpoint writes the pages in order. Here it ends after the page with the mark.
         let written = place.offset as usize + place.length;
         let torn = [&new[..written], old.get(written..).unwrap_or(&[])].concat();
         for (name, log, words) in [
@@ -552,7 +554,7 @@ mod tests {
             let mut bytes = told.clone();
             match name {
                 "told.db" | "cut and told.db" => {}
-                // The page number of its second frame.
+                // The page number of the second frame.
                 "indexed.db" => bytes[140..144].copy_from_slice(&[7; 4]),
                 _ => return None,
             }

@@ -1,8 +1,8 @@
 //! Studies and their configurations.
 //!
 //! A configuration is identified by the SHA-256 of its stored JSON. Only this file computes the
-//! hash, when it stores new JSON; other code reads it with the row. A configuration stored by an
-//! earlier version keeps its hash, even if this version would write different JSON.
+//! hash, when it stores new JSON. Other code reads the hash with the row. A configuration stored by
+//! an earlier version keeps its hash, even if this version would write different JSON.
 
 use super::audit::{self, NewEntry};
 use super::lanes::Lock;
@@ -15,7 +15,7 @@ use std::sync::{Arc, PoisonError};
 /// A study with the configuration of new participants.
 #[derive(Clone, Debug)]
 pub struct StoredStudy {
-    /// The study's row.
+    /// The id of the study's row.
     pub id: i64,
     /// Name in URLs.
     pub slug: String,
@@ -30,12 +30,12 @@ pub struct StoredStudy {
 pub struct StudyVersion {
     /// Its number within the study, from 1.
     pub number: u32,
-    /// The hash of the configuration. If it was stored with several statuses, the hash of the one that
-    /// people enrolled under.
+    /// The hash of the configuration. If the configuration was stored with several statuses, the
+    /// hash is from the one that participants enrolled under.
     pub hash: String,
     /// The configuration, with the last status that it had.
     pub config: Arc<StudyConfig>,
-    /// Since when new participants get it, ms since 1970.
+    /// Since when new participants get the configuration (ms since 1970).
     pub since_ms: i64,
     /// Whether it came from the study file of a command.
     pub by_file: bool,
@@ -66,7 +66,7 @@ impl StudyVersion {
 pub enum ChangeStudy {
     /// The study has the configuration.
     Stored(StoredStudy),
-    /// Another experimenter has changed it; nothing was stored.
+    /// Another experimenter has changed the study. Nothing was stored.
     ChangedMeanwhile,
     /// There is no such study.
     Unknown,
@@ -79,8 +79,8 @@ impl Store {
         self.read(move |db| find(db, &slug)).await
     }
 
-    /// The configurations under which participants and pilots of a study enrolled, and the current
-    /// one: hash and stored JSON, ordered by hash.
+    /// The hash and stored JSON of each configuration under which participants and pilots of a
+    /// study enrolled, and of the current configuration, ordered by hash.
     pub async fn configurations(&self, study_id: i64) -> Result<Vec<(String, String)>, StoreError> {
         self.read_long(move |db| {
             let mut statement = db.prepare_cached(
@@ -135,13 +135,13 @@ impl Store {
     /// The configuration with this hash.
     ///
     /// # Errors
-    /// [`StoreError`], even if it does not exist.
+    /// [`StoreError`], also if the configuration does not exist.
     pub async fn config(&self, hash: &str) -> Result<Arc<StudyConfig>, StoreError> {
         let (store, hash) = (self.clone(), hash.to_owned());
         self.read(move |db| store.config_in(db, &hash)).await
     }
 
-    /// The configuration with this hash; the store parses each only once.
+    /// The configuration with this hash. The store parses each configuration once and caches it.
     pub(super) fn config_in(
         &self,
         db: &Connection,
@@ -168,7 +168,7 @@ impl Store {
         self.write([Lock::Studies], move |db| put(db, &new, now_ms, true)).await
     }
 
-    /// Creates a study, with an audit entry; none if the name is taken.
+    /// Creates a study, with an audit entry. Returns `None` if the name is taken.
     ///
     /// # Errors
     /// [`StoreError::Revoked`] if the key was revoked.
@@ -247,7 +247,7 @@ pub(super) fn put(
     now_ms: i64,
     by_file: bool,
 ) -> Result<StoredStudy, StoreError> {
-    // Compares values, since an earlier version may have written different JSON.
+    // Compares values, because an earlier version may have written different JSON.
     if let Some(known) = find(db, &new.slug)?
         && known.config == *new
     {

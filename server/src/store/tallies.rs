@@ -1,6 +1,7 @@
 //! Tallies: one row per participant with the values by which lists filter and sort. They are
-//! derived from the stored participant, exclusions and trials; computing them for each list would
-//! be slow. Database triggers copy the values of the participant; those of trials are counted here.
+//! derived from the stored participant, exclusions and trials. Computing them for each list would
+//! be slow. Database triggers copy the values of the participant. The values of trials are counted
+//! here.
 
 use super::lanes::Lock;
 use super::sql::{Connection, Rows, params};
@@ -14,7 +15,7 @@ pub(super) struct Counted<'a> {
     pub(super) participant_id: &'a str,
     /// Its phase.
     pub(super) phase: Phase,
-    /// The phase of the scene after it, if there is one.
+    /// The phase of the next scene, if there is one.
     pub(super) next_phase: Option<Phase>,
     /// Its input in each step.
     pub(super) inputs: &'a [TurnInput],
@@ -22,14 +23,15 @@ pub(super) struct Counted<'a> {
     pub(super) flags: &'a [Flag],
     /// Its outcome.
     pub(super) outcome: &'a Outcome,
-    /// A number derived from the times of its key events, if there are enough.
+    /// A number derived from the times of its key events, if there are enough events.
     pub(super) key_timing: Option<i64>,
     /// Number of further trials that wait in the participant's browser.
     pub(super) waiting: u32,
 }
 
-/// Counts trials that are about to be stored. The columns of a row: participant, phase of the next
-/// scene, increment of each count, number of the key times, waiting trials, study.
+/// The statement that counts trials that are about to be stored. A row of parameters has the
+/// participant, the phase of the next scene, the increment of each count, the number derived from
+/// the key times, the number of waiting trials, and the study.
 const ADD: Rows = Rows {
     before: "UPDATE tally SET \
                  next_phase = given.column2, \
@@ -72,7 +74,7 @@ pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result
         trial.waiting,
         study_id,
     ];
-    // If two trials have the same key times, the later one must find the earlier.
+    // If two trials have the same key times, the later one must find the earlier one.
     let timing = trial.key_timing.map(|timing| format!("timing {study_id} {timing}"));
     let targets: Vec<_> =
         [Some(trial.participant_id), timing.as_deref()].into_iter().flatten().collect();

@@ -284,7 +284,7 @@ async fn whoever_is_known_keeps_their_plan() {
     assert_eq!(is(someone(&store, "b", named(Some("x"), None)).await), "a by name");
     assert_eq!(is(someone(&store, "c", named(None, Some("r"))).await), "a");
     assert_eq!(is(someone(&store, "d", named(Some("y"), Some("s"))).await), "new");
-    // Every token that was issued is valid for them.
+    // Every token that was issued to them is valid.
     for name in ["a", "b", "c"] {
         let visitor = store.visitor(token(name)).await.unwrap().unwrap();
         assert_eq!(visitor.participant.id, "a");
@@ -350,7 +350,7 @@ async fn somebody_new_gets_the_lowest_free_place() {
     assert_eq!(comes("e", gate(0, 15), 21).await, Some(3));
     store.withdraw("a", true, 22, None).await.unwrap();
     assert_eq!(comes("f", gate(0, 0), 23).await, Some(0));
-    // Four participate, c, d, e and f: c has been away since 10.
+    // Four participate: c, d, e and f. Participant c has been away since 10.
     assert_eq!(comes("g", gate(4, 0), 30).await, None);
     assert_eq!(comes("g", gate(4, 15), 30).await, Some(2));
     assert_eq!(comes("h", gate(4, 15), 30).await, None);
@@ -361,7 +361,7 @@ async fn somebody_new_gets_the_lowest_free_place() {
     // A participant who returns counts again, and keeps the same place.
     checks("c", 1, true, 0, 31).await.unwrap();
     assert_eq!(comes("i", gate(5, 15), 32).await, None);
-    // Screened out after two wrong attempts; the place is free, and the result stays.
+    // Participant f is screened out after two failed attempts. The place is free, and the result stays.
     assert_eq!(checks("f", 1, false, 2, 33).await, Ok(false));
     assert_eq!(checks("f", 2, false, 2, 34).await, Ok(true));
     assert_eq!(checks("f", 3, true, 2, 35).await, Ok(true));
@@ -433,7 +433,6 @@ async fn a_job_that_is_not_wanted_any_more_writes_nothing() {
     assert_eq!(parts.await.unwrap(), 0, "an analysis that failed keeps no file");
 }
 
-/// An entry of the audit trail.
 fn entry(action: Action) -> NewEntry {
     let (key_id, who) = (None, "first key".to_owned());
     NewEntry { at_ms: 1, key_id, who, action, study: None, subject: None }
@@ -560,7 +559,7 @@ async fn a_copy_that_was_not_finished_is_refused_until_it_is() {
     someone(&store, "copied", Known::default()).await;
     store.end_copy().await.unwrap();
     store.close().await;
-    // Copying into a database that is in use is always possible.
+    // A copy into a database that has data is always possible.
     for purpose in [Purpose::Copy, Purpose::Alone, Purpose::Read] {
         Store::open(&url, purpose).await.unwrap().close().await;
     }
@@ -651,13 +650,13 @@ async fn whoever_comes_back_is_kept() {
     assert!(store.participants_due(study.id, Concern::Data, 100).await.unwrap().is_empty());
 }
 
-/// Polls an operation once: it waits in the queue, or is refused.
+/// Polls an operation once. Afterwards it waits in the queue, or is refused.
 pub(crate) fn begun<T>(operation: &mut Pin<Box<impl Future<Output = T>>>) -> Poll<T> {
     operation.as_mut().poll(&mut Context::from_waker(Waker::noop()))
 }
 
 impl Store {
-    /// An operation that blocks the writer until `wait` receives a message.
+    /// Runs an operation that blocks the writer until `wait` receives a message or its sender is dropped.
     pub(crate) async fn hold(&self, begin: oneshot::Sender<()>, wait: mpsc::Receiver<()>) {
         let work = move |_: &Connection| {
             let _ = begin.send(());
@@ -685,7 +684,7 @@ impl Store {
         }
     }
 
-    /// As [`Self::held`], with a queue full of cancelled operations.
+    /// Like [`Self::held`], with a queue full of cancelled operations.
     pub(crate) async fn stuffed(&self) -> mpsc::Sender<()> {
         let held = self.held().await;
         while begun(&mut Box::pin(self.write([], |_| Ok(())))).is_pending() {}

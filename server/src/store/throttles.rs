@@ -3,23 +3,24 @@
 use super::sql::{Connection, OptionalExtension, params};
 use super::{Store, StoreError};
 
-/// A rate limit: a burst of `burst_ms / pause_ms` turns, and one more turn for each `pause_ms` that passes.
+/// A rate limit (token bucket): a burst of `burst_ms / pause_ms` turns, and one more turn for each
+/// `pause_ms` that passes.
 #[derive(Clone, Copy, Debug)]
 pub struct Allowance {
     /// The kind of action.
     pub kind: &'static str,
-    /// Refill time of one turn, ms.
+    /// Refill time of one turn (ms).
     pub pause_ms: i64,
-    /// Refill time of a whole burst, ms.
+    /// Refill time of a whole burst (ms).
     pub burst_ms: i64,
 }
 
-/// The database's clock, ms: the servers' clocks may differ.
+/// The database's clock (ms). It is used because the servers' clocks may differ.
 const NOW: &str = "CAST(extract(epoch FROM clock_timestamp()) * 1000 AS BIGINT)";
 
 impl Store {
-    /// Takes a turn of `who`, a hash. If there is none, returns how long to wait, ms, and counts
-    /// nothing. Only for a shared database. Watchers are not notified.
+    /// Takes a turn of `who`, a hash. If no turn is left, takes nothing and returns how long to
+    /// wait (ms). Only for a shared database. Watchers are not notified.
     pub async fn take_turn(
         &self,
         allowed: Allowance,
@@ -27,7 +28,7 @@ impl Store {
     ) -> Result<Result<(), i64>, StoreError> {
         let Allowance { kind, pause_ms, burst_ms } = allowed;
         self.read(move |db| {
-            // Does not wait for the disk: after a power failure, a client may get a few extra turns.
+            // This does not wait for the disk, so a client may get a few extra turns after a power failure.
             let take = format!(
                 "INSERT INTO throttle (kind, who, full_at_ms) SELECT $1, $2, {NOW} + $3 \
                      FROM set_config('synchronous_commit', 'off', TRUE) \
@@ -56,14 +57,14 @@ impl Store {
     }
 }
 
-/// Time until the burst is full again, ms.
+/// Time until the burst is full again (ms).
 fn spent_ms(db: &Connection, kind: &str, who: [u8; 32]) -> Result<Option<i64>, StoreError> {
     let query = format!("SELECT full_at_ms - {NOW} FROM throttle WHERE kind = $1 AND who = $2");
     let spent = db.prepare_cached(&query)?.query_row(params![kind, who], |row| row.get(0));
     Ok(spent.optional()?)
 }
 
-/// Deletes a few expired rows: two for each one that a caller may add.
+/// Deletes a few expired rows: two for each row that a caller may add.
 fn forget(db: &Connection) -> Result<(), StoreError> {
     let old = format!(
         "DELETE FROM throttle WHERE (kind, who) IN \

@@ -23,7 +23,7 @@ pub struct NewTrial {
     pub recipe: Recipe,
     /// Hash of the content.
     pub content_hash: [u8; 32],
-    /// The current time.
+    /// When the trial was received.
     pub received_at_ms: i64,
     /// The driven trial.
     pub content: Content,
@@ -31,9 +31,9 @@ pub struct NewTrial {
     pub flags: Vec<Flag>,
     /// Its outcome.
     pub outcome: Outcome,
-    /// A number derived from the times of its key events, if there are enough.
+    /// A number derived from the times of its key events, if there are enough events.
     pub key_timing: Option<i64>,
-    /// The id of another trial in the same scene, if the scene must be driven again.
+    /// The id for another trial in the same scene, if the scene must be driven again.
     pub repeated_as: Option<String>,
     /// Number of further trials that wait in the participant's browser.
     pub waiting: u32,
@@ -44,7 +44,7 @@ pub struct NewTrial {
 pub struct AssignedScene {
     /// Its phase.
     pub phase: Phase,
-    /// 1; 2 if the scene is driven again because its first trial was interrupted.
+    /// 1, or 2 if the scene is driven again because its first trial was interrupted.
     pub attempt: u32,
     /// Both vehicles and the goal.
     pub scene: Scene,
@@ -57,21 +57,21 @@ pub struct Assignment {
     pub visitor: Visitor,
     /// The configuration of their enrolment.
     pub config: Arc<StudyConfig>,
-    /// The scene of the trial; none if it is not in their plan.
+    /// The scene of the trial, or `None` if the trial is not in their plan.
     pub scene: Option<AssignedScene>,
 }
 
 /// The outcome of an upload.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum PutTrial {
-    /// It was stored.
+    /// The trial was stored.
     Stored {
-        /// The next trial; none after the last.
+        /// The next trial, or `None` after the last trial.
         next: Option<String>,
     },
     /// The same content had been stored before.
     Same {
-        /// The next trial; none after the last.
+        /// The next trial, or `None` after the last trial.
         next: Option<String>,
     },
     /// The trial was stored before with different content, which is kept.
@@ -90,7 +90,7 @@ pub enum PutTrial {
 /// Identity and outcome of a trial.
 #[derive(Clone, Debug)]
 pub struct TrialHead {
-    /// Number of the trial in the order of storing; never used twice.
+    /// Sequence number of the trial, in the order of storing. It is never used twice.
     pub sequence: i64,
     /// The trial.
     pub trial_id: String,
@@ -104,7 +104,7 @@ pub struct TrialHead {
     pub phase: Phase,
     /// Index within its phase, from 0.
     pub index: usize,
-    /// 1; 2 if the scene was driven again because its first trial was interrupted.
+    /// 1, or 2 if the scene was driven again because its first trial was interrupted.
     pub attempt: u32,
     /// When it was stored.
     pub received_at_ms: i64,
@@ -117,7 +117,7 @@ pub struct TrialHead {
 /// A stored trial with its content.
 #[derive(Clone, Debug)]
 pub struct StoredTrial {
-    /// As in a list.
+    /// The trial's entry in lists.
     pub head: TrialHead,
     /// The study's name.
     pub study: String,
@@ -157,8 +157,8 @@ impl StoredTrial {
 }
 
 impl Store {
-    /// The participant with this token, and the scene assigned to them as `trial_id`; none for an
-    /// unknown token.
+    /// The participant with this token, and the scene assigned to them as `trial_id`. Returns
+    /// `None` for an unknown token.
     pub async fn assignment(
         &self,
         token_hash: [u8; 32],
@@ -197,7 +197,7 @@ impl Store {
     /// Stores a participant's trial if it is the next one. A stored trial never changes.
     ///
     /// # Errors
-    /// [`StoreError`]; nothing was stored.
+    /// On [`StoreError`], nothing was stored.
     pub async fn put_trial(
         &self,
         participant_id: &str,
@@ -209,7 +209,7 @@ impl Store {
         self.write_first(locks, Some(place), move |db| put(db, &participant_id, &trial)).await
     }
 
-    /// At most `limit` trials of a study, newest first, with sequences below `before`; none of pilots.
+    /// At most `limit` trials of a study, without pilots, newest first, with sequence numbers below `before`.
     pub async fn trials_page(
         &self,
         study_id: i64,
@@ -234,8 +234,8 @@ impl Store {
         Ok(found.into_iter().next())
     }
 
-    /// The stored trials before and after one: of the same participant, or of the participants with
-    /// the next lower and higher numbers.
+    /// The stored trials before and after this one. They belong to the same participant, or to the
+    /// participants with the next lower and higher numbers.
     pub async fn neighbours(&self, trial_id: &str) -> Result<[Option<String>; 2], StoreError> {
         let trial_id = trial_id.to_owned();
         self.read(move |db| {
@@ -289,7 +289,7 @@ impl Store {
         self.read_long(move |db| whole(db, "participant_id", &participant_id)).await
     }
 
-    /// As [`Self::trials_of`], with the ids of trials that cannot be read.
+    /// Like [`Self::trials_of`], but with the ids of trials that cannot be read.
     ///
     /// # Errors
     /// [`StoreError`] if even their ids cannot be read.
@@ -368,7 +368,7 @@ pub(super) fn whole(
     each(db, column, value)?.into_iter().map(|read| read.map_err(corrupt)).collect()
 }
 
-/// The same, with the ids of trials that cannot be read.
+/// Like [`whole`], but with the ids of trials that cannot be read.
 fn each(
     db: &Connection,
     column: &'static str,
@@ -430,15 +430,16 @@ struct Place {
     study_id: i64,
     withdrawn: bool,
     stored: Option<(i64, [u8; 32])>,
-    /// Whether it is the first, or the trial before it is stored. Trials are stored in order, so
-    /// then all earlier trials are stored.
+    /// Whether the trial is the first, or the trial before it is stored. Trials are stored in
+    /// order, so all earlier ones are stored, too.
     its_turn: bool,
     next: Option<String>,
     phase: Phase,
     next_phase: Option<Phase>,
 }
 
-/// Positions of trials in their participants' plans. The columns of a row: participant, trial.
+/// The query for the positions of trials in their participants' plans. A row of parameters has the
+/// participant and the trial.
 const PLACE: Rows = Rows {
     before: "SELECT participant.id, participant.study_id, participant.withdrawn_at_ms IS NOT NULL, \
                  trial.content_version, trial.content_hash, \
@@ -531,13 +532,13 @@ fn is_withdrawn(db: &Connection, participant_id: &str) -> Result<bool, StoreErro
 
 /// The participant of a trial, and its position in the plan.
 struct Driven<'a> {
-    /// The study's row.
+    /// The id of the study's row.
     study_id: i64,
     /// The participant.
     participant_id: &'a str,
     /// The phase of the trial.
     phase: Phase,
-    /// The phase of the scene after it, if there is one.
+    /// The phase of the next scene, if there is one.
     next_phase: Option<Phase>,
 }
 
@@ -566,7 +567,7 @@ fn insert(db: &Connection, whose: &Driven<'_>, new: &NewTrial) -> Result<(), Sto
     insert_uncounted(db, whose.study_id, new)
 }
 
-/// Stores a trial.
+/// Stores a trial without counting it.
 pub(super) fn insert_uncounted(
     db: &Connection,
     study_id: i64,

@@ -18,11 +18,11 @@ pub struct NewValueFunction {
 }
 
 impl Store {
-    /// Stores value functions under their ids, and the safety levels of a configuration that they
-    /// give. An existing function is never replaced.
+    /// Stores value functions under their ids, and records for which safety levels of a
+    /// configuration they are used. An existing function is never replaced.
     ///
     /// # Errors
-    /// [`StoreError`], even if the configuration does not exist.
+    /// [`StoreError`], also if the configuration does not exist.
     pub async fn put_value_functions(
         &self,
         config_hash: &str,
@@ -76,7 +76,7 @@ impl Store {
         .await
     }
 
-    /// Every configuration without value functions, with its hash.
+    /// Every configuration that lacks a value function, with its hash.
     pub async fn unsolved(&self) -> Result<Vec<(String, Arc<StudyConfig>)>, StoreError> {
         let store = self.clone();
         self.read(move |db| {

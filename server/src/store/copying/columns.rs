@@ -10,9 +10,9 @@ pub(super) struct Table {
     pub(super) columns: &'static [(&'static str, Kind)],
     /// The column that gets the number of the study, or of the analysis, in the new database.
     pub(super) owner: Option<&'static str>,
-    /// Whether the trial's number is copied, shifted.
+    /// Whether the trial's number is copied, with an offset.
     pub(super) is_numbered: bool,
-    /// The condition for its rows of the participant or analysis with the id $1.
+    /// The SQL condition for the rows that belong to the participant or analysis with the id $1.
     pub(super) of: &'static str,
     /// The order of its rows.
     pub(super) order: &'static str,
@@ -45,7 +45,7 @@ impl Table {
         self
     }
 
-    /// Deletes the rows of $1.
+    /// The statement that deletes the rows of $1.
     pub(super) fn delete(&self) -> String {
         format!("DELETE FROM {} WHERE {}", self.name, self.of)
     }
@@ -63,7 +63,7 @@ macro_rules! columns {
 
 const OF_PARTICIPANT: &str = "participant_id = $1";
 
-/// A participant's tables; rows come after the rows that they refer to.
+/// A participant's tables. A table comes after the tables that its rows refer to.
 pub(super) const PARTICIPANT_TABLES: &[Table] = &[
     Table::new(
         "participant",
@@ -128,7 +128,7 @@ pub(super) const PARTICIPANT_TABLES: &[Table] = &[
 
 const OF_ANALYSIS: &str = "analysis = (SELECT sequence FROM analysis WHERE id = $1)";
 
-/// An analysis's tables; rows come after the rows that they refer to.
+/// An analysis's tables. A table comes after the tables that its rows refer to.
 pub(super) const ANALYSIS_TABLES: &[Table] = &[
     Table::new(
         "analysis",

@@ -40,7 +40,7 @@ impl Rows {
         })
     }
 
-    /// The integer, or the Boolean as 1 or 0, in the single row of such a table.
+    /// An integer, or a Boolean as 1 or 0, in the single row of the table.
     pub(super) fn number(&self, table: &Table, column: &str) -> Option<i64> {
         let place = table.columns.iter().position(|(name, _)| *name == column)?;
         match self.rows.first()?.get(place)? {
@@ -71,7 +71,7 @@ impl Rows {
     }
 }
 
-/// The rows of a table that belong to the participant or analysis with this id; all rows without an id.
+/// The rows of a table that belong to the participant or analysis with this id. Without an id, all rows.
 pub(super) fn read(db: &Connection, table: &Table, id: Option<&str>) -> Result<Rows, StoreError> {
     match id {
         Some(id) => read_where(db, table, table.of, Some(&id)),
@@ -121,8 +121,8 @@ fn value(row: &Row, at: usize, kind: Kind) -> Result<Value<'static>, StoreError>
     Ok(found.unwrap_or(Value::Null(kind)))
 }
 
-/// Stores rows. `owner` is the number of the study or analysis that they belong to; `shift` is added to the
-/// numbers of trials.
+/// Stores rows. `owner` is the number of the study or analysis that the rows belong to. `shift` is
+/// added to the numbers of trials.
 pub(super) fn insert(
     db: &Connection,
     table: &Table,

@@ -1,9 +1,9 @@
-//! The readable rest of a damaged SQLite file: the same queries as for copying a sound file; where
-//! one fails, its rows are read one by one.
+//! Reads the readable part of a damaged SQLite file. The queries are the same as for copying a
+//! sound file. If a query fails, its rows are read one by one.
 //!
-//! An index still has the keys of rows whose page is damaged, so lost rows can be named. If the
-//! index is damaged, the rows of the table are read by ascending number, skipping pages that cannot
-//! be read.
+//! An index still contains the keys of rows whose page is damaged, so lost rows can be named. If
+//! the index is damaged, the rows of the table are read in the order of their rowids, and
+//! unreadable pages are skipped.
 
 use super::columns::{ACCESS_TABLES, ANALYSIS_TABLES, PARTICIPANT_TABLES, Table};
 use super::rows::{Rows, insert, read, read_where};
@@ -16,7 +16,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt;
 use tokio::sync::mpsc;
 
-/// An item of the salvage.
+/// A salvaged item.
 #[derive(Debug)]
 pub enum Salvaged {
     /// A study, without its participants and analyses.
@@ -77,7 +77,7 @@ impl Store {
         .await
     }
 
-    /// Stores the rows of a participant one by one. Returns those that the database refuses.
+    /// Stores the rows of a participant one by one. Returns the rows that the database refuses.
     ///
     /// # Errors
     /// [`StoreError`] if the transaction fails.
@@ -116,13 +116,13 @@ impl Store {
     }
 }
 
-/// Numbers and keys of rows, by their owner.
+/// The rowids and keys of rows, by owner.
 type Walk = HashMap<String, Vec<(i64, String)>>;
 
 struct Reader<'a> {
     db: &'a Connection,
     out: mpsc::Sender<Salvaged>,
-    /// The walked rows, by table.
+    /// The rows found by table scans, by table.
     walks: HashMap<&'static str, Walk>,
     /// Trials that were read or reported as lost.
     seen: HashSet<String>,
@@ -142,7 +142,7 @@ fn key_and_owner(table: &str) -> [&'static str; 2] {
 }
 
 impl Reader<'_> {
-    /// How many row numbers are tried after the last readable row.
+    /// How many rowids are tried after the last readable row.
     const MOST_TRIED: i64 = 100_000;
 
     fn run(mut self) -> Result<(), StoreError> {
@@ -189,7 +189,7 @@ impl Reader<'_> {
         self.send(Salvaged::Lost(Lost::new(table, key, why)))
     }
 
-    /// The result, or none with the row reported as lost if it cannot be read.
+    /// Returns the result. If the row cannot be read, reports it as lost and returns `None`.
     fn unless_lost<T>(
         &self,
         table: &str,
@@ -216,7 +216,7 @@ impl Reader<'_> {
         Ok(found.into_iter().map(|(_, id)| id).collect())
     }
 
-    /// The row numbers and keys of the rows that belong to this owner.
+    /// The rowids and keys of the rows that belong to this owner.
     fn rowids(
         &mut self,
         table: &'static str,
@@ -285,7 +285,7 @@ impl Reader<'_> {
         Ok(walk)
     }
 
-    /// The highest row number, as far as known.
+    /// The highest rowid, or the largest integer if it is unknown.
     fn last(&self, table: &str) -> i64 {
         let highest = format!("SELECT max(rowid) FROM {table} NOT INDEXED");
         let highest = self.db.query_row(&highest, [], |row| row.get::<_, Option<i64>>(0));
@@ -296,7 +296,7 @@ impl Reader<'_> {
         highest.ok().map(|highest| highest.unwrap_or(0)).or_else(given).unwrap_or(i64::MAX)
     }
 
-    /// The readable ones of these rows.
+    /// Reads these rows, and reports unreadable ones as lost.
     fn rows(&self, table: &Table, rowids: &[(i64, String)]) -> Result<Rows, StoreError> {
         let mut rows = Rows::default();
         for (rowid, key) in rowids {
@@ -312,7 +312,7 @@ impl Reader<'_> {
         Ok(rows)
     }
 
-    /// Reports trials that were counted when they were stored, and are no longer there.
+    /// Reports as lost the trials that were counted when they were stored, and are no longer there.
     fn lose_uncounted(&self, id: &str, there: usize) -> Result<(), StoreError> {
         let query = "SELECT stored FROM tally WHERE participant_id = $1";
         let stored = self.db.query_row(query, [id], |row| row.get::<_, i64>(0));
@@ -327,7 +327,7 @@ impl Reader<'_> {
         }
     }
 
-    /// A participant with all readable rows; none if their own row is lost.
+    /// A participant with all readable rows. Returns `None` if the participant's own row is lost.
     fn participant(&mut self, id: &str) -> Result<Option<RowsCopy>, StoreError> {
         match rows_copy(self.db, PARTICIPANT_TABLES, id) {
             Err(StoreError::Corrupt(_)) | Ok(None) => {}
@@ -343,7 +343,7 @@ impl Reader<'_> {
         for table in PARTICIPANT_TABLES {
             let mut rowids = Vec::new();
             match table.name {
-                // It is derived from the other rows.
+                // The tally is derived from the other rows.
                 "tally" => {}
                 "trial" => {
                     for trial_id in &scenes {
@@ -460,7 +460,7 @@ impl Reader<'_> {
         }))
     }
 
-    /// Analyses, each complete or not at all: they can be computed again.
+    /// Sends the analyses that can be read completely. Other analyses can be computed again.
     fn analyses(&self) -> Result<(), StoreError> {
         let ids = texts(self.db, "SELECT id FROM analysis ORDER BY sequence");
         for id in self.unless_lost("analysis", "list", ids)?.into_iter().flatten() {

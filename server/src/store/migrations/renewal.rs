@@ -7,8 +7,8 @@ use crate::store::sql::{self, Connection, params};
 use std::ops::Range;
 
 /// Repairs the parts of a damaged SQLite file that are the same in every database of this version:
-/// the text of the schema, the mark, and the table of migrations. The mark came with the last
-/// migration, so a file that has one is of this version. `db` may write the schema; `like` has all
+/// the text of the schema, the mark, and the table of migrations. The last migration added the
+/// mark, so a file with a mark is of this version. `db` may write the schema. `like` has all
 /// migrations and no data.
 pub(in crate::store) fn renew(db: &Connection, like: &Connection) -> Result<(), Failure> {
     const MARK: &str = "mark";
@@ -26,7 +26,7 @@ pub(in crate::store) fn renew(db: &Connection, like: &Connection) -> Result<(), 
     db.batch("PRAGMA writable_schema = RESET")?;
     for Definition { words: [kind, _, _, text], .. } in missing(&found, &known) {
         if kind == "index" && !text.is_empty() {
-            // A query reads the whole table if the index cannot be created.
+            // If the index cannot be created, queries scan the whole table.
             let _ = db.batch(text);
         }
     }
@@ -55,12 +55,12 @@ pub(in crate::store) fn renew(db: &Connection, like: &Connection) -> Result<(), 
     Ok(())
 }
 
-/// Puts back definitions that a lost page of the schema had, if all others are those of this version.
+/// Restores the definitions of a lost schema page, if all other definitions are those of this version.
 ///
-/// If the file has the same layout as `like`, the lost definitions are those of `like`. Otherwise
-/// the root pages are unknown, and each lost table gets an empty page from `blank` on: the table has
-/// then lost all its pages. Its implicit indices are not put back. SQLite reports them as damaged,
-/// so that no query takes an empty index for an empty table.
+/// If the file has the same layout as `like`, the lost definitions are copied from `like`.
+/// Otherwise the root pages are unknown, and each lost table gets an empty root page from `blank`.
+/// The table then counts as one that has lost all its pages. Its implicit indices are not restored.
+/// SQLite reports them as damaged, so that no query mistakes an empty index for an empty table.
 pub(in crate::store) fn put_back(
     db: &Connection,
     like: &Connection,
@@ -100,7 +100,7 @@ pub(in crate::store) fn put_back(
     Ok(())
 }
 
-/// A row of a schema.
+/// A row of the schema table.
 #[derive(Clone)]
 struct Definition {
     rowid: i64,
@@ -115,7 +115,7 @@ impl Definition {
         &self.words[1]
     }
 
-    /// Whether it is a table of the migrations.
+    /// Whether this is a table that the migrations create.
     fn is_table(&self) -> bool {
         self.words[0] == "table" && !self.name().starts_with("sqlite_")
     }
@@ -137,7 +137,7 @@ fn schema(db: &Connection) -> sql::Result<Vec<Definition>> {
     statement.query_map([], row)?.collect()
 }
 
-/// The definitions of `known` whose names `found` does not have.
+/// The definitions in `known` whose names are not in `found`.
 fn missing<'a>(found: &[Definition], known: &'a [Definition]) -> Vec<&'a Definition> {
     known.iter().filter(|it| found.iter().all(|found| found.name() != it.name())).collect()
 }
@@ -149,8 +149,9 @@ fn is_older([_, name, _, text]: &[String; 4]) -> bool {
     name == TABLE && columns.iter().all(|column| text.contains(column))
 }
 
-/// Rows of a schema that differ from `known`, each with its replacement: the row with the same
-/// name, or the same text, or else the only missing one.
+/// The rows of a schema that differ from `known`, each with its replacement. The replacement is the
+/// missing row with the same name or the same SQL text. If only one row differs, the replacement
+/// can also be a missing row of the same type, or the only missing row.
 fn renewed(found: &[Definition], known: &[Definition]) -> Vec<(i64, [String; 4])> {
     let is_known = |words: &[String; 4]| known.iter().any(|known| known.words == *words);
     let is_missing = |known: &[String; 4]| found.iter().all(|found| found.words != *known);

@@ -1,12 +1,12 @@
-//! The address of a database: `postgres://USER:PASSWORD@HOST:PORT/DATABASE?…`; several hosts if
-//! there are standbys.
+//! The address of a database: `postgres://USER:PASSWORD@HOST:PORT/DATABASE?…`. It names several
+//! hosts if there are standbys.
 
 use crate::store::OpenError;
 use sqlx::ConnectOptions;
 use sqlx::postgres::{PgConnectOptions, PgSslMode};
 use std::time::Duration;
 
-/// Timeout of connecting.
+/// Default timeout of a connection attempt.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// The options that sqlx reads from an address.
@@ -36,7 +36,7 @@ const OPTIONS: [&str; 19] = [
 pub(super) struct Address {
     /// Connection options for each host.
     pub(super) hosts: Vec<PgConnectOptions>,
-    /// Timeout of connecting.
+    /// Timeout of a connection attempt.
     pub(super) patience: Duration,
     /// The database's name in messages: the address without the password.
     pub(super) name: String,
@@ -54,7 +54,8 @@ impl Address {
             .map_err(|found| OpenError::Address { url: "postgres:…".to_owned(), found })
     }
 
-    /// The error names invalid options, but quotes nothing else of the address.
+    /// The error names invalid options and a missing certificate file, but quotes nothing else of
+    /// the address.
     fn read(url: &str) -> Result<Self, String> {
         let unreadable = || "an address that cannot be read".to_owned();
         let (scheme, rest) = url.split_once("://").ok_or_else(unreadable)?;
@@ -73,7 +74,7 @@ impl Address {
                     patience = Duration::from_secs(value.parse().map_err(|_| refused())?);
                     continue;
                 }
-                // The only value that makes sense.
+                // `read-write` is the only value that makes sense.
                 "target_session_attrs" if value == "read-write" => continue,
                 "target_session_attrs" => return Err(refused()),
                 "sslmode" | "ssl-mode" => drop(value.parse::<PgSslMode>().map_err(|_| refused())?),
@@ -100,8 +101,8 @@ impl Address {
             }
             let url = format!("{scheme}://{at}{host}/{database}?{}", others.join("&"));
             let options: PgConnectOptions = url.parse().map_err(|_| unreadable())?;
-            // Between machines, nobody can eavesdrop on the connection or impersonate the server,
-            // unless the address allows it.
+            // A connection between machines uses TLS and verifies the server's certificate, so that
+            // nobody can eavesdrop or impersonate the server, unless the address allows it.
             let is_chosen = others.iter().any(|option| option.starts_with("ssl"));
             let mode = match (is_chosen, options.get_ssl_mode()) {
                 (false, _) if is_this_machine(&options) => PgSslMode::Disable,
@@ -123,8 +124,8 @@ impl Address {
     }
 }
 
-/// Maximum number of cached prepared statements. The store has fewer, except for the many
-/// combinations of list filters.
+/// Maximum number of cached prepared statements. The store has fewer statements, except for the
+/// many combinations of list filters.
 const STATEMENTS: usize = 256;
 
 /// Checks that a file holds certificates.

@@ -1,4 +1,4 @@
-//! Sessions with the primary server, in a pool of sqlx.
+//! Sessions with the primary, in sqlx's connection pool.
 
 use super::address::Address;
 use crate::store::error::StoreError;
@@ -12,11 +12,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::runtime::Handle;
 
-/// Settings of every session. `synchronous_commit`: an acknowledged trial survives a power failure,
-/// whatever the server's default is. `enable_seqscan`: a session caches the plans of its
-/// statements; a plan made while a table was nearly empty would scan the whole table for every
-/// trial, until PostgreSQL next analyses it. `jit`: the costs of such plans are overestimated, so
-/// they would be compiled. The other limits let nobody wait forever.
+/// Settings of every session. With `synchronous_commit`, an acknowledged trial survives a power
+/// failure, whatever the server's default is. `enable_seqscan` is off because a session caches the
+/// plans of its statements. A plan made while a table was nearly empty would scan the whole table
+/// for every trial, until PostgreSQL next analyses the table. `jit` is off because PostgreSQL
+/// overestimates the costs of plans without sequential scans, and would compile them. The timeouts
+/// prevent endless waits.
 const SETTINGS: &str = "SET synchronous_commit = on; SET lock_timeout = '10s'; \
                         SET idle_in_transaction_session_timeout = '60s'; \
                         SET client_min_messages = warning; \
@@ -28,17 +29,17 @@ const ABOUT: &str = "SELECT CAST(current_setting('server_version_num') AS BIGINT
      coalesce(current_setting('sidestep.writers', TRUE), ''), \
      pg_is_in_recovery() OR current_setting('transaction_read_only') = 'on'";
 
-/// The position of the primary in its write-ahead log.
+/// The query for the state of the primary: the identifier of its cluster, its timeline, and its LSN (bytes).
 const POSITION: &str = "SELECT (SELECT system_identifier FROM pg_control_system()), \
      CAST(CAST('x' || substr(pg_walfile_name(pg_current_wal_lsn()), 1, 8) AS BIT(32)) AS BIGINT), \
      CAST(pg_current_wal_lsn() - '0/0' AS BIGINT)";
 
-/// How far a database has come, as seen by this server. A standby that becomes the primary begins a
-/// new timeline; the old primary, left on its own, lacks everything stored since.
+/// The position of a database in its history. A standby that is promoted to primary begins a new
+/// timeline. The old primary then lacks everything that is stored after the failover.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Position {
     timeline: i64,
-    /// In the write-ahead log, bytes.
+    /// The LSN: the position in the write-ahead log (bytes).
     bytes: i64,
 }
 
@@ -57,7 +58,7 @@ impl Seen {
         Ok(Self { system: row.try_get(0)?, position })
     }
 
-    /// Refuses a server that lacks data of this state.
+    /// Refuses a server of another cluster, or one that lacks data of this state.
     fn check(&self, found: &Self) -> Result<(), StoreError> {
         let place = |position: Position| {
             let (high, low) = (position.bytes >> 32, position.bytes & 0xffff_ffff);
@@ -86,18 +87,17 @@ impl Seen {
 /// The oldest supported version of PostgreSQL.
 const OLDEST: i64 = 140_000;
 
-/// Number of concurrent transactions that store trials, unless the database's setting says
-/// otherwise. A single one stores all waiting trials with one statement of each kind; several store
-/// more only if PostgreSQL has many cores.
+/// Default number of concurrent transactions that store trials. One transaction stores all waiting
+/// trials with one statement of each kind. Several store more only if PostgreSQL has many cores.
 const WRITERS: usize = 1;
 
-/// Upper bound of the database's setting.
+/// Upper bound of the database's setting `sidestep.writers`.
 const MOST_WRITERS: usize = 64;
 
 /// Sessions that were idle for longer are tested before use.
 const TRUSTED: Duration = Duration::from_secs(1);
 
-/// The value of the database's setting, if it is valid; [`WRITERS`] if it is not set.
+/// Parses the database's setting. Returns [`WRITERS`] if it is not set, and `None` if it is invalid.
 fn writers_of(setting: &str) -> Option<usize> {
     match setting.trim() {
         "" => Some(WRITERS),
@@ -111,10 +111,10 @@ pub(super) struct Sessions {
     runtime: Handle,
     hosts: Vec<PgConnectOptions>,
     patience: Duration,
-    /// Number of concurrent transactions of all servers that store trials: the database's setting
-    /// `sidestep.writers`; 0 until it is read.
+    /// Number of concurrent transactions of all servers that store trials. It is the database's
+    /// setting `sidestep.writers`, or 0 until the setting is read.
     writers: AtomicUsize,
-    /// When the database or the connection to it was lost; older sessions are discarded.
+    /// When the database or the connection to it was last lost. Older sessions are discarded.
     lost_at: Arc<Mutex<Option<Instant>>>,
     /// Whether the primary must be found again.
     is_lost: AtomicBool,
@@ -162,7 +162,8 @@ impl Sessions {
         self.writers.load(Ordering::Relaxed).max(1)
     }
 
-    /// Finds the primary among the hosts of the address: of several, the one on the newest timeline.
+    /// Finds the primary among the hosts of the address. If several hosts accept writes, chooses
+    /// the one with the newest timeline, and of these the one with the highest LSN.
     pub(super) async fn find(&self) -> Result<(), StoreError> {
         let tries = self.hosts.iter().map(|host| async move {
             let silent = |_| StoreError::Unavailable("the server does not answer".to_owned());
@@ -172,7 +173,7 @@ impl Sessions {
         let takes = |(at, found): (usize, &Result<Seen, StoreError>)| {
             Some((found.as_ref().ok()?.position, at))
         };
-        // Ties go to the first in the address.
+        // Ties go to the first host in the address.
         let best = found
             .iter()
             .enumerate()
@@ -190,15 +191,15 @@ impl Sessions {
         Ok(())
     }
 
-    /// Records the cluster that answers, and its timeline. Its position is ignored: a standby need
-    /// not have unacknowledged commits.
+    /// Records the cluster that answers, and its timeline. Its LSN is not recorded, because a
+    /// promoted standby need not have unacknowledged commits.
     fn note(&self, found: Seen) {
         let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         let bytes = seen.map_or(0, |seen| seen.position.bytes);
         *seen = Some(Seen { position: Position { bytes, ..found.position }, ..found });
     }
 
-    /// Records that a commit up to this position in the write-ahead log was acknowledged.
+    /// Records that commits up to this LSN were acknowledged.
     pub(super) fn note_acknowledged(&self, bytes: i64) {
         if let Some(seen) = &mut *self.seen.lock().unwrap_or_else(PoisonError::into_inner) {
             seen.position.bytes = seen.position.bytes.max(bytes);
@@ -243,7 +244,7 @@ impl Sessions {
                 if self.writers.load(Ordering::Relaxed) == 0 {
                     return Err(StoreError::Unavailable(faulty));
                 }
-                // A server that is already running continues with its old setting.
+                // A Sidestep server that is already running continues with the old setting.
                 tracing::warn!("{faulty}");
             }
         }
@@ -279,14 +280,14 @@ impl Sessions {
         Ok(Connection::to_server(session, self.runtime.clone()))
     }
 
-    /// Takes a session and runs the statements of `begin` in it.
+    /// Takes a session and runs the statements `begin` in it. Retries once if the session is broken.
     pub(super) fn begin(&self, begin: &str) -> Result<Connection, StoreError> {
         let mut is_second = false;
         loop {
             let db = self.take()?;
             match db.batch(begin).map_err(StoreError::from) {
                 Ok(()) => return Ok(db),
-                // The database was restarted meanwhile; nothing has been done yet.
+                // The database may have been restarted. A retry is safe, because nothing has been done yet.
                 Err(StoreError::Unavailable(_)) if !is_second => self.give_up(db),
                 Err(error) => {
                     match db.roll_back("ROLLBACK") {
@@ -313,7 +314,7 @@ impl Sessions {
         found
     }
 
-    /// Closes a broken session and all idle ones.
+    /// Closes a broken session. All older sessions are discarded before their next use.
     pub(super) fn give_up(&self, db: Connection) {
         if let Some(mut session) = db.into_session() {
             session.close_on_drop();
@@ -326,7 +327,6 @@ impl Sessions {
         self.is_lost.store(true, Ordering::Relaxed);
     }
 
-    /// Number of idle sessions.
     pub(super) fn idle(&self) -> usize {
         self.pool.num_idle()
     }

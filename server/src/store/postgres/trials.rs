@@ -1,5 +1,5 @@
-//! The queue of trials that wait for a session: one transaction stores all of them, so that they
-//! share its overhead and the wait for the disk.
+//! The queue of trials that wait for a session. One transaction stores a batch of trials, so that
+//! they share its overhead and the wait for the disk (group commit).
 
 use super::{COMMIT, QUEUE, Shared, taking};
 use crate::store::error::StoreError;
@@ -13,18 +13,17 @@ use std::time::{Duration, Instant};
 /// Maximum number of trials in a transaction.
 const BATCH: usize = 32;
 
-/// A trial in the queue.
 pub(super) struct Waiting {
-    /// The locks that it needs.
+    /// The locks that the trial needs.
     pub(super) locks: Vec<Lock>,
-    /// Stores it.
+    /// The operation that stores the trial.
     pub(super) operation: Box<dyn Operation>,
 }
 
-/// After a trial, more trials are expected for this long.
+/// For this long after a trial, more trials are expected.
 const COMING: Duration = Duration::from_millis(200);
 
-/// The queue, oldest first.
+/// The queue of trials, oldest first.
 #[derive(Default)]
 pub(super) struct Trials {
     waiting: Mutex<VecDeque<Waiting>>,
@@ -51,12 +50,11 @@ impl Trials {
         newest.is_some_and(|newest| newest.elapsed() < COMING)
     }
 
-    /// Length of the queue.
     pub(super) fn count(&self) -> usize {
         self.waiting().len()
     }
 
-    /// Takes a batch for one transaction; empty if other transactions have taken all.
+    /// Takes a batch for one transaction, or an empty one if other transactions have taken all trials.
     fn take(&self) -> Vec<Waiting> {
         let mut waiting = self.waiting();
         waiting.retain(|trial| trial.operation.is_wanted());
@@ -69,13 +67,14 @@ impl Trials {
     }
 }
 
-/// First number of the advisory locks that limit concurrent transactions with trials: each takes
-/// one. See [`Lock::numbers`] for the other locks.
+/// First key of the advisory locks that limit the number of concurrent transactions with trials.
+/// Each transaction takes one lock. See [`Lock::numbers`] for the other locks.
 const TURN: i32 = 1_000;
 
-/// Begins a transaction when it gets its turn: all servers together run `writers` transactions that
-/// store trials. With more of them than PostgreSQL has cores, each takes longer, and fewer trials
-/// share one. Tries the locks from `first` on, and waits for that one if all are taken.
+/// Statements that begin a transaction when it gets its turn. All servers together run at most
+/// `writers` transactions that store trials. With more transactions than PostgreSQL has cores, each
+/// takes longer, and fewer trials share one. The statements try the locks from `first` on. If all
+/// are taken, they wait for lock `first`.
 fn begin_in_turn(writers: usize, first: usize) -> String {
     let turns = (0..writers).map(|i| (first + i) % writers);
     let tries: String = turns
@@ -88,8 +87,9 @@ fn begin_in_turn(writers: usize, first: usize) -> String {
 }
 
 impl Shared {
-    /// Stores queued trials in one transaction. If one of them fails, each is stored in its own:
-    /// savepoints would cost two round trips per trial, and a separate lock on the study's row.
+    /// Stores queued trials in one transaction. If one of them fails, each is stored in its own
+    /// transaction. Savepoints would cost two round trips per trial, and a separate lock on the
+    /// study's row.
     pub(super) fn write_trials(&self) {
         if self.trials.count() == 0 {
             return;
@@ -97,7 +97,7 @@ impl Shared {
         let mut batch = Vec::new();
         let committed = self.write_together(|| self.trials.take(), &mut batch);
         if batch.is_empty() && committed.is_err() {
-            // It got no turn: the database is unavailable.
+            // The transaction never began, because the database is unavailable.
             batch = self.trials.take();
         }
         match committed {
@@ -107,7 +107,7 @@ impl Shared {
                     let mut alone = Some(alone);
                     let committed =
                         self.write_together(|| alone.take().into_iter().collect(), &mut stored);
-                    // It is still here if it never got a turn.
+                    // The trial is still here if its transaction never began.
                     stored.extend(alone);
                     self.answer(stored, committed);
                 }
@@ -116,7 +116,7 @@ impl Shared {
         }
     }
 
-    /// Stores the result of `take` once this transaction gets its turn, and puts it into `batch`.
+    /// Begins a transaction when it gets its turn, moves trials from `take` into `batch`, and stores them.
     fn write_together(
         &self,
         take: impl FnOnce() -> Vec<Waiting>,

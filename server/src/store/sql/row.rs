@@ -7,11 +7,8 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{Column, Postgres, Row as _, Sqlite, Type, TypeInfo};
 use std::fmt;
 
-/// A row.
 pub(in crate::store) enum Row {
-    /// From SQLite.
     Sqlite(SqliteRow),
-    /// From PostgreSQL.
     Postgres(PgRow),
 }
 
@@ -29,15 +26,13 @@ pub(in crate::store) trait Index:
 }
 impl<I: sqlx::ColumnIndex<SqliteRow> + sqlx::ColumnIndex<PgRow>> Index for I {}
 
-/// A type as which a column can be read.
+/// A type that a column can be read as.
 pub(in crate::store) trait FromSql: Sized {
-    /// The value.
     fn read(row: &Row, column: impl Index) -> sqlx::Result<Self>;
 }
 
 /// A type of a single value that may be NULL.
 pub(in crate::store) trait Cell: Sized {
-    /// The value.
     fn read(row: &Row, column: impl Index) -> sqlx::Result<Option<Self>>;
 }
 
@@ -96,7 +91,7 @@ cells! {
     String: |row, column| row.plain(column);
     Vec<u8>: |row, column| row.plain(column);
     i64: |row, column| match row {
-        // A literal number in the statement.
+        // A literal number in the statement has the type INT4.
         Row::Postgres(of) if of.try_column(&column)?.type_info().name() == "INT4" => {
             Ok(of.try_get::<Option<i32>, _>(column)?.map(i64::from))
         }
@@ -113,7 +108,7 @@ cells! {
     usize: |row, column| number(row, column);
 }
 
-/// An integer in the range of a type.
+/// Reads an integer, which must be in the range of `T`.
 fn number<T: TryFrom<i64>>(row: &Row, column: impl Index) -> sqlx::Result<Option<T>> {
     let number = <i64 as Cell>::read(row, column)?;
     let sized =

@@ -4,20 +4,20 @@ use super::row::Row;
 use super::value::Value;
 use std::collections::HashMap;
 
-/// Maximum number of rows per execution. A statement is prepared for each power of two up to this.
+/// Maximum number of rows per execution. A statement is prepared for each power of two up to this number.
 const MOST_ROWS: usize = 32;
 
 /// A statement for any number of rows of parameters.
 #[derive(Debug, PartialEq, Eq)]
 pub(in crate::store) struct Rows {
-    /// Its text up to the rows, `… VALUES `.
+    /// The text before the rows, `… VALUES `.
     pub(in crate::store) before: &'static str,
-    /// Its text after them.
+    /// The text after the rows.
     pub(in crate::store) after: &'static str,
 }
 
 impl Rows {
-    /// Its text for `count` rows of `width` parameters.
+    /// The text for `count` rows of `width` parameters.
     pub(super) fn text(&self, count: usize, width: usize) -> String {
         let row = |row: usize| {
             let numbers = (1..=width).map(|i| format!("${}", row * width + i));
@@ -32,7 +32,7 @@ impl Rows {
 type Execution = (String, Vec<Value<'static>>);
 
 impl Rows {
-    /// The fewest executions for these rows of parameters.
+    /// Splits these rows of parameters into executions. The number of rows of each is a power of two.
     pub(super) fn executions(&self, mut values: Vec<Vec<Value<'static>>>) -> Vec<Execution> {
         let mut executions = Vec::new();
         while !values.is_empty() {
@@ -46,7 +46,7 @@ impl Rows {
     }
 }
 
-/// Results of queries that were asked ahead, by target: the parameters, and the row that was found.
+/// Prefetched query results by target: the parameters, and the row if one was found.
 pub(super) type Asked = HashMap<String, (Vec<Value<'static>>, Option<Row>)>;
 
 /// A question for [`ask_ahead`](super::Connection::ask_ahead): a query, and a row of its parameters.
@@ -71,7 +71,7 @@ impl Waiting {
         groups.flat_map(|group| group.rows.executions(group.values)).collect()
     }
 
-    /// Whether a row has this target.
+    /// Whether a deferred row has this target.
     pub(super) fn has(&self, target: &str) -> bool {
         self.0.iter().any(|group| group.targets.iter().any(|known| known == target))
     }

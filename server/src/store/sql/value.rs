@@ -20,7 +20,6 @@ pub(in crate::store) enum Kind {
     Truth,
 }
 
-/// A value.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::store) enum Value<'a> {
     /// NULL of a type.
@@ -33,12 +32,12 @@ pub(in crate::store) enum Value<'a> {
     Text(Cow<'a, str>),
     /// Bytes.
     Bytes(Cow<'a, [u8]>),
-    /// A Boolean; SQLite stores 1 or 0.
+    /// A Boolean, which SQLite stores as 1 or 0.
     Truth(bool),
 }
 
 impl Value<'_> {
-    /// The same for PostgreSQL, whose texts cannot contain NUL.
+    /// Replaces NUL characters, because PostgreSQL's texts cannot contain them.
     pub(super) fn without_nul(&self) -> Value<'_> {
         match self.value() {
             Value::Text(text) if text.contains('\0') => {
@@ -48,7 +47,7 @@ impl Value<'_> {
         }
     }
 
-    /// The same, owning its text or bytes.
+    /// Converts to a value that owns its text or bytes.
     pub(in crate::store) fn into_owned(self) -> Value<'static> {
         match self {
             Self::Null(kind) => Value::Null(kind),
@@ -61,7 +60,7 @@ impl Value<'_> {
     }
 }
 
-/// A Rust type that both databases support.
+/// A Rust type that a database accepts as a parameter.
 pub(super) trait Plain<DB: Database>: for<'q> Encode<'q, DB> + Type<DB> {}
 impl<DB: Database, T: for<'q> Encode<'q, DB> + Type<DB>> Plain<DB> for T {}
 
@@ -100,7 +99,6 @@ where
 
 /// A type that can be a parameter.
 pub(in crate::store) trait ToSql {
-    /// Its value.
     fn value(&self) -> Value<'_>;
 }
 
@@ -114,9 +112,8 @@ impl ToSql for Value<'_> {
     }
 }
 
-/// A type with a typed NULL.
+/// A type whose NULL has a type in PostgreSQL.
 pub(in crate::store) trait Typed {
-    /// The type.
     const KIND: Kind;
 }
 

@@ -14,7 +14,7 @@ use std::time::Duration;
 /// Timeout of a write that waits for another process's write lock.
 const WRITE_PATIENCE: Duration = Duration::from_secs(5);
 
-/// Timeout of a read; it blocks a thread that serves requests.
+/// Timeout of a read. It is short, because a read blocks a thread that serves requests.
 const READ_PATIENCE: Duration = Duration::from_millis(250);
 
 fn options(path: &Path, patience: Duration) -> SqliteConnectOptions {
@@ -28,8 +28,9 @@ pub(in crate::store) fn open(options: &SqliteConnectOptions) -> Result<Connectio
 
 /// A connection that only reads, and changes no file even when it is closed.
 pub(super) fn untouching(file: &DatabaseFile) -> Result<Connection> {
-    // For a file that nobody changes, SQLite would otherwise create a log and its index beside it,
-    // which this user may not be allowed to do, or which the file's owner could not use.
+    // If no process can change the file, `immutable` keeps SQLite from creating a log and its index
+    // beside it. This user may not be allowed to create them, or the file's owner could not use
+    // them.
     open(&options(file.path(), WRITE_PATIENCE).read_only(true).immutable(file.is_fixed()))
 }
 
@@ -45,17 +46,17 @@ pub(super) fn copy(from: &DatabaseFile, to: &Path) -> Result<()> {
     copied
 }
 
-/// The same for the snapshot of a connection.
+/// Writes the snapshot that a connection sees into another file, which must be empty.
 pub(super) fn copy_of(db: &Connection, to: &Path) -> Result<()> {
     db.execute("VACUUM INTO $1", [&*to.to_string_lossy()])?;
     draw_another(&open(&options(to, WRITE_PATIENCE).journal_mode(SqliteJournalMode::Delete))?)
 }
 
-/// Gives a copy its own identity.
+/// The statement that gives a copy its own identity.
 const ANOTHER: &str = "UPDATE mark SET text = printf('sidestep mark %s %020d %016d %s', \
      lower(hex(randomblob(16))), 0, 0, lower(hex(randomblob(8))))";
 
-/// Gives a copy its own identity, if it has a mark, so that it is distinguished from the original's log.
+/// Gives a copy that has a mark its own identity, so that the original's log does not match the copy.
 fn draw_another(db: &Connection) -> Result<()> {
     let has = "SELECT name FROM sqlite_schema WHERE name = 'mark'";
     if db.prepare_cached(has)?.exists([])? {
@@ -68,7 +69,7 @@ fn draw_another(db: &Connection) -> Result<()> {
 pub(super) fn leave_no_log(file: &DatabaseFile) {
     let is_there = std::fs::exists(file.log()).unwrap_or(false);
     if is_there && !file.has_log() && !file.is_fixed() {
-        // The last connection that may write deletes it when it closes. It does no harm if it stays.
+        // The last connection that can write deletes the log when it closes. If it stays, it does no harm.
         let nothing = "SELECT count(*) FROM sqlite_schema";
         let _ = open(&options(file.path(), READ_PATIENCE))
             .and_then(|db| db.query_row(nothing, [], |_| Ok(())));
@@ -80,13 +81,14 @@ pub(super) fn writing(path: &Path) -> Result<Connection> {
     open(&of_writer(path)?)
 }
 
-/// The same for migrations. They rebuild tables under other names, so foreign keys must not be
-/// enforced meanwhile.
+/// A connection for migrations. It does not enforce foreign keys, because migrations rebuild tables
+/// under other names.
 pub(super) fn migrating(path: &Path) -> Result<Connection> {
     open(&of_writer(path)?.foreign_keys(false))
 }
 
-/// A connection to a damaged file that only this process uses, even if SQLite cannot parse its schema.
+/// A connection to a damaged file that only this process uses. It works even if SQLite cannot parse
+/// the schema.
 pub(super) fn mending(path: &Path) -> Result<Connection> {
     let options = options(path, WRITE_PATIENCE).foreign_keys(false);
     open(&options.pragma("writable_schema", "ON"))
@@ -94,7 +96,7 @@ pub(super) fn mending(path: &Path) -> Result<Connection> {
 
 fn of_writer(path: &Path) -> Result<SqliteConnectOptions> {
     if path.exists() && access(path, Access::WRITE_OK).is_err() {
-        // SQLite would open such a file, and refuse the first write.
+        // SQLite would open such a file, and only refuse the first write.
         let words = "this user has no permission to write to the file".to_owned();
         return Err(StoreError::Unavailable(words).into());
     }
@@ -102,7 +104,7 @@ fn of_writer(path: &Path) -> Result<SqliteConnectOptions> {
         .journal_mode(SqliteJournalMode::Wal)
         // An acknowledged trial must survive a power failure, not only a crash.
         .synchronous(SqliteSynchronous::Full)
-        // The log is written back elsewhere: see `write_back`.
+        // `write_back` runs the checkpoints.
         .pragma("wal_autocheckpoint", "0")
         // Overwrites deleted rows.
         .pragma("secure_delete", "ON")
@@ -110,38 +112,39 @@ fn of_writer(path: &Path) -> Result<SqliteConnectOptions> {
         .pragma("temp_store", "MEMORY"))
 }
 
-/// A connection that cannot write, not even by a faulty query. The last one to close writes the log
-/// back, unless the file must stay untouched.
+/// A connection that cannot write, not even through a faulty query. The last connection to close
+/// runs a checkpoint, unless the file must stay untouched.
 pub(super) fn reading(file: &DatabaseFile, is_untouched: bool) -> Result<Connection> {
     let (options, is_fixed) = (options(file.path(), READ_PATIENCE), file.is_fixed());
     let options = options.pragma("query_only", "ON");
     open(&options.read_only(is_fixed || is_untouched).immutable(is_fixed))
 }
 
-/// Rebuilds the indices of a file whose tables can be read completely.
+/// Rebuilds the indices of all tables that can be read completely.
 pub(super) fn renew_indices(db: &Connection) -> Result<()> {
     let query = "SELECT 'REINDEX ' || quote(name) FROM sqlite_schema WHERE type = 'index'";
     let mut statement = db.prepare_cached(query)?;
     let names = statement.query_map([], |row| row.get::<_, String>(0))?;
     for renewing in names.collect::<Result<Vec<_>>>()? {
-        // An index stays if its table has lost rows: it may still have their keys.
+        // If a table has lost rows, its index stays as it is, because it may still contain their keys.
         let _ = db.batch(&renewing);
     }
     Ok(())
 }
 
-/// Number of rows that its statements have changed so far, including those that were rolled back.
+/// Number of rows that the connection's statements have changed so far, including changes that were
+/// rolled back.
 pub(super) fn changes(db: &Connection) -> Result<i64> {
     db.query_row("SELECT total_changes()", [], |row| row.get(0))
 }
 
-/// Number of pages in the log.
+/// Number of pages (frames) in the log.
 pub(super) fn log_pages(db: &Connection) -> Result<i64> {
     db.query_row("PRAGMA wal_checkpoint(NOOP)", [], |row| row.get(1))
 }
 
-/// Writes back as much of the log as readers allow, and returns the number of pages that it had
-/// before; none if another connection is writing it back.
+/// Runs a checkpoint as far as readers allow. Returns the number of pages in the log, or `None` if
+/// another connection is running a checkpoint.
 pub(super) fn write_back(db: &Connection) -> Result<Option<i64>> {
     db.query_row("PRAGMA wal_checkpoint(PASSIVE)", [], |row| {
         let (busy, pages): (bool, i64) = (row.get(0)?, row.get(1)?);
@@ -149,7 +152,8 @@ pub(super) fn write_back(db: &Connection) -> Result<Option<i64>> {
     })
 }
 
-/// Writes the whole log back and empties it, unless a reader uses it. Returns whether it was emptied.
+/// Runs a complete checkpoint and empties the log, unless a reader uses the log. Returns whether it
+/// was emptied.
 pub(super) fn empty_log(db: &Connection) -> Result<bool, StoreError> {
     db.batch("PRAGMA busy_timeout = 0")?;
     let busy = db.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |row| row.get::<_, bool>(0));
@@ -182,8 +186,8 @@ pub(super) fn damage(db: &Connection) -> Result<Vec<String>, StoreError> {
     Ok(found)
 }
 
-/// The lines of a query's result. A damaged page ends the query; that must not hide lines before
-/// it, or the results of other queries.
+/// The lines of a query's result. A damaged page ends the query. The error then becomes the last
+/// line, so that it hides neither the lines before it nor the results of other queries.
 async fn lines(db: &mut SqliteConnection, query: &'static str) -> Vec<String> {
     let mut rows = sqlx::query_scalar(query).fetch(db);
     let mut lines = Vec::new();

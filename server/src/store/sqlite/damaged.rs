@@ -1,4 +1,4 @@
-//! A copy of a damaged file that SQLite can read as far as its data survive.
+//! Copies a damaged file, so that SQLite can read the data that survive.
 
 use super::connection;
 use super::file::DatabaseFile;
@@ -12,12 +12,13 @@ use std::io::{self, Seek};
 use std::path::Path;
 
 /// Copies a file that no server uses, including the content of its log, even if the log continues a
-/// later state. In the copy, trees with lost pages are rebuilt over the surviving rows, and so are
-/// indices of readable tables, since damaged ones may miss rows. A log that is not the file's own
-/// is copied, too; opening the copy then fails. Returns the lost parts of the log, with reasons.
+/// later state of the database. In the copy, b-trees with lost pages are rebuilt over the surviving
+/// rows. The indices of readable tables are rebuilt, too, because damaged indices may miss rows. A
+/// log that is not the file's own is copied beside the copy, and opening the copy then fails.
+/// Returns the lost parts of the log, with reasons.
 ///
 /// # Errors
-/// The reason if it cannot be copied.
+/// If the file cannot be copied. The error contains the reason.
 pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static str)>> {
     if !std::fs::metadata(from)?.is_file() {
         return Err(io::Error::other("it is a directory or a pipe"));
@@ -36,7 +37,7 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static 
     let mut lost = Vec::new();
     if source.has_log() {
         if mark::of_file(&copy).is_err() {
-            // The mark must be readable, since it identifies the file's own log.
+            // The mark must be readable, because it identifies the file's own log.
             trees::mend(&copy, page, None)?;
         }
         io::copy(&mut File::open(source.log())?, &mut private::new_file(copy.log())?)?;
@@ -72,7 +73,7 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static 
     let like = connection::migrating(&like).ok();
     let like = like.filter(|like| migrations::apply(like).is_ok());
     trees::mend(&copy, page, like.as_ref())?;
-    // The rest, if it cannot be renewed here, is left to the reader of the file.
+    // Errors are ignored here. The code that reads the copy reports the remaining damage.
     if !copy.is_empty()
         && let Ok(db) = connection::mending(to)
     {

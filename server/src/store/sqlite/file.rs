@@ -15,7 +15,7 @@ pub const MAGIC: &[u8; 16] = b"SQLite format 3\0";
 /// The first bytes of a rollback journal.
 const JOURNAL: [u8; 8] = [0xd9, 0xd5, 0x05, 0xf9, 0x20, 0xa1, 0x63, 0xd7];
 
-/// Free space, bytes, below which the server reports that it is not ready.
+/// The free space (bytes) below which the server reports that it is not ready.
 pub const LEAST_FREE_BYTES: u64 = 4 << 20;
 
 /// Number of attempts to take a lock that another process may hold briefly, and the pause between them.
@@ -33,7 +33,7 @@ pub(in crate::store) struct DatabaseFile {
 pub(in crate::store) type Identity = (u64, u64);
 
 impl DatabaseFile {
-    /// The file of an address `sqlite:FILE`; the error is what was found instead.
+    /// Parses an address `sqlite:FILE`. The error describes what was found instead.
     pub(in crate::store) fn of_url(url: &str) -> Result<Self, String> {
         let Some(name) = url.strip_prefix("sqlite:") else {
             return Err(match url.contains([':', '=']) {
@@ -56,25 +56,24 @@ impl DatabaseFile {
         Ok(Self::at(Path::new(name)))
     }
 
-    /// The file at a path.
     pub(in crate::store) fn at(path: &Path) -> Self {
         // SQLite keeps the log beside the target file, even if the path is a symbolic link.
         let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
         Self { path: path.to_owned(), log: with_end(&target, "-wal") }
     }
 
-    /// The file that SQLite keeps beside this one under its name and this end.
+    /// The file that SQLite keeps beside this one, with this suffix to its name.
     fn beside(&self, end: &str) -> PathBuf {
         with_end(&self.path.canonicalize().unwrap_or_else(|_| self.path.clone()), end)
     }
 
-    /// Whether the log is not empty: a server uses the file, or exited without closing it.
+    /// Whether the log is not empty. Then a server uses the file, or exited without closing it.
     pub(in crate::store) fn has_log(&self) -> bool {
         std::fs::metadata(&self.log).is_ok_and(|log| log.len() > 0)
     }
 
-    /// Whether the file's log belongs to another of its names (hard links), judging by its folder
-    /// and a server's lock.
+    /// Whether the file's log is beside another name (hard link) of the file. This is assumed if a
+    /// server holds the file's lock, or if another name in the folder has a log.
     pub(in crate::store) fn has_log_of_other_name(&self) -> bool {
         let is_twin = |other: &Self| {
             self.path.file_name() != other.path.file_name()
@@ -87,9 +86,8 @@ impl DatabaseFile {
                 || names.map(|entry| Self::at(&entry.path())).any(|other| is_twin(&other)))
     }
 
-    /// Why SQLite would misread the files beside this one, and what to do: a log beside a symbolic
-    /// link, which SQLite ignores; or a rollback journal, which SQLite writes into the file even if
-    /// it belongs to another one.
+    /// Why SQLite would misinterpret a file beside this one, and what to do. SQLite ignores a log
+    /// beside a symbolic link, and applies a rollback journal even if it belongs to another file.
     pub(super) fn misleading(&self) -> Option<String> {
         let is_filled = |path: &Path| std::fs::metadata(path).is_ok_and(|file| file.len() > 0);
         let log = with_end(&self.path, "-wal");
@@ -115,12 +113,12 @@ impl DatabaseFile {
         })
     }
 
-    /// Whether there is a log without its database. SQLite would delete it.
+    /// Whether there is a log without its database. SQLite would delete the log.
     pub(super) fn is_log_alone(&self) -> bool {
         std::fs::metadata(&self.path).map_or(true, |file| file.len() == 0) && self.has_log()
     }
 
-    /// Whether this user cannot change the file and no process uses it: there is no log.
+    /// Whether this user cannot change the file and no process uses it (there is no log).
     pub(super) fn is_fixed(&self) -> bool {
         let is_writable = |path: &Path| access(path, Access::WRITE_OK).is_ok();
         let is_used = std::fs::exists(&self.log).unwrap_or(true);
@@ -133,7 +131,7 @@ impl DatabaseFile {
         self.has_log() || self.lock().is_ok_and(|lock| lock.is_none())
     }
 
-    /// The write-ahead log.
+    /// The path of the write-ahead log.
     pub(super) fn log(&self) -> &Path {
         &self.log
     }
@@ -164,32 +162,33 @@ impl DatabaseFile {
         identity(&self.path)
     }
 
-    /// The index of the write-ahead log.
+    /// The path of the write-ahead log's index.
     pub(super) fn index(&self) -> PathBuf {
         self.beside("-shm")
     }
 
-    /// The identities of the files that are now at the paths of the log and its index; none for a missing file.
+    /// The identities of the files that are now at the paths of the log and its index, or `None`
+    /// for a missing file.
     pub(super) fn companions(&self) -> [Option<Identity>; 2] {
         [&self.log, &*self.index()].map(|path| identity(path).ok())
     }
 
-    /// Whether opening the file now gives the same index of the log that the server uses, which the
-    /// server keeps locked. True if no server uses the file. If the index was deleted, SQLite would
-    /// create another one, and two writers would be unaware of each other.
+    /// Whether a connection opened now would share the server's index of the log. The server keeps
+    /// its index locked. Returns `true` if no server uses the file. If the index was deleted,
+    /// SQLite would create another one, and the two writers would be unaware of each other.
     pub(super) fn shares_index(&self) -> bool {
         let is_locked = |path: &Path| {
             File::open(path)
                 .is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)))
         };
-        // A server locks its file just before its index exists.
+        // A server locks its file shortly before its index exists, so the check is repeated.
         (0..ATTEMPTS).any(|attempt| {
             std::thread::sleep(if attempt == 0 { Duration::ZERO } else { PAUSE });
             is_locked(&self.index()) || !is_locked(&self.path)
         })
     }
 
-    /// As [`Self::lock`], retrying in case a command is briefly testing the lock.
+    /// Like [`Self::lock`], but retries, because a command may be testing the lock briefly.
     pub(super) fn lock_soon(&self) -> io::Result<Option<File>> {
         for _ in 1..ATTEMPTS {
             match self.lock()? {
@@ -200,15 +199,14 @@ impl DatabaseFile {
         self.lock()
     }
 
-    /// The folder of the file.
     pub(super) fn folder(&self) -> &Path {
         let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty());
         folder.unwrap_or(Path::new("."))
     }
 
-    /// A copy of the file, still empty, in a new private folder: beside the file if there is space,
-    /// or in the system's temporary directory if nothing can be written beside it. Deletes copies
-    /// left there by killed commands.
+    /// Creates an empty file for a copy in a new private folder beside the file. If there is no
+    /// space or nothing can be written there, the folder is in the system's temporary directory.
+    /// Deletes copies that killed commands left there.
     pub(super) fn new_copy(&self) -> io::Result<Copied> {
         let needed = std::fs::metadata(&self.path)?.len() + LEAST_FREE_BYTES;
         let beside = match self.free_bytes() {
@@ -218,7 +216,7 @@ impl DatabaseFile {
         beside.or_else(|_| Copied::within(&std::env::temp_dir()))
     }
 
-    /// Free space on the file's disk, bytes.
+    /// The free space on the file's disk (bytes).
     pub(super) fn free_bytes(&self) -> Result<u64, StoreError> {
         self.disk().map(|disk| disk.f_bavail.saturating_mul(disk.f_frsize))
     }
@@ -240,8 +238,8 @@ impl DatabaseFile {
         Copied::sweep(self.folder());
     }
 
-    /// The lock that a server holds while it runs; none if another process holds it. It is not one
-    /// of SQLite's locks, so commands can work beside the server.
+    /// Takes the lock that a server holds while it runs. Returns `None` if another process holds
+    /// it. It is not one of SQLite's locks, so commands can use the file while the server runs.
     pub(super) fn lock(&self) -> io::Result<Option<File>> {
         let file = File::open(&self.path)?;
         match file.try_lock() {
@@ -272,7 +270,6 @@ impl Copied {
         Ok(Self { folder, _lock: lock })
     }
 
-    /// The copy.
     pub(super) fn file(&self) -> DatabaseFile {
         Self::file_in(self.folder.path())
     }

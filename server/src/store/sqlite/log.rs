@@ -1,7 +1,8 @@
-//! SQLite's write-ahead log, frame by frame: <https://www.sqlite.org/fileformat2.html#walformat>.
+//! Reads SQLite's write-ahead log frame by frame: <https://www.sqlite.org/fileformat2.html#walformat>.
 //!
-//! Each frame has a page and a cumulative checksum. SQLite reads up to the first frame whose
-//! checksum is wrong, as after a power failure, and silently overwrites the rest.
+//! Each frame contains a page and a cumulative checksum. A power failure can leave incomplete
+//! frames at the end, so SQLite reads up to the first frame with a wrong checksum, and silently
+//! overwrites the rest.
 
 use std::fs::File;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -12,14 +13,14 @@ use std::path::Path;
 const HEADER: usize = 32;
 const FRAME: usize = 24;
 
-/// The page length assumed if it is unknown, bytes.
+/// The page size assumed if it is unknown (bytes).
 pub(super) const PAGE: usize = 4096;
 
-/// A log being read from its beginning.
+/// A log that is read from its beginning.
 pub(super) struct Frames {
     log: BufReader<File>,
     sum: Checksum,
-    /// The salts of this log generation: SQLite draws new ones when it restarts the log.
+    /// The salts of this generation of the log. SQLite draws new salts when it restarts the log.
     salts: [u8; 8],
     /// Whether every frame so far is as SQLite wrote it.
     is_sound: bool,
@@ -28,24 +29,27 @@ pub(super) struct Frames {
     frame: Vec<u8>,
 }
 
-/// A frame of a log: of this generation, or left over from an earlier one.
+/// A frame of this generation of a log, or one left over from an earlier generation.
 pub(super) struct Frame<'a> {
-    /// The number of the page, from 1.
+    /// The page number, from 1.
     pub(super) page: u32,
-    /// Number of pages of the file after it, if it ends a transaction; otherwise 0.
+    /// If the frame commits a transaction, the size of the database file after the commit, in
+    /// pages; otherwise 0.
     pub(super) pages: u32,
-    /// Whether it and all frames before it are as SQLite wrote them.
+    /// Whether this frame and all frames before it are as SQLite wrote them.
     pub(super) is_sound: bool,
-    /// Whether it is of this generation.
+    /// Whether the frame belongs to this generation.
     is_own: bool,
-    /// Whether it is of this generation and as SQLite wrote it, given the checksums of the previous frame.
+    /// Whether the frame belongs to this generation, and its checksums follow from those of the
+    /// previous frame. If the previous checksums cannot be trusted, only the generation is checked.
     is_intact: bool,
-    /// The page.
+    /// The content of the page.
     pub(super) content: &'a [u8],
 }
 
 impl Frames {
-    /// Opens a log; none if it is missing or empty. `page` is the page length if the log's header is damaged.
+    /// Opens a log. Returns `None` if the log is missing, or too short for a header. `page` is the
+    /// page size to use if the log's header is damaged.
     pub(super) fn open(path: &Path, page: Option<usize>) -> io::Result<Option<Self>> {
         let file = match File::open(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -79,8 +83,8 @@ impl Frames {
         Ok(Some(found))
     }
 
-    /// The first salts that two consecutive frames share and that are not filler bytes: each frame
-    /// has those of the header.
+    /// The first salts that two consecutive frames share and that are not filler bytes. Every frame
+    /// repeats the salts of the header.
     fn repeated_salts(&mut self) -> io::Result<[u8; 8]> {
         let mut last = [0; 8];
         while read_whole(&mut self.log, &mut self.frame)? {
@@ -97,7 +101,7 @@ impl Frames {
         self.salts
     }
 
-    /// The next frame; none at the end.
+    /// Reads the next frame. Returns `None` at the end of the log.
     pub(super) fn next(&mut self) -> io::Result<Option<Frame<'_>>> {
         if !read_whole(&mut self.log, &mut self.frame)? {
             return Ok(None);
@@ -125,33 +129,34 @@ impl Frames {
 
 /// The index of a log, which all connections share: <https://www.sqlite.org/walformat.html#walidxfmt>.
 pub(super) struct Index {
-    /// The salts of the log generation that it describes.
+    /// The salts of the log generation that the index describes.
     pub(super) salts: [u8; 8],
     /// Number of committed frames of the log.
     pub(super) frames: u64,
-    /// Number of these frames that are in the file.
+    /// Number of these frames that checkpoints have written to the file.
     pub(super) written_back: u32,
-    /// The whole index, or only its header.
+    /// The whole index. Empty if only the header was read.
     bytes: Vec<u8>,
 }
 
 impl Index {
-    /// The length of a block, bytes: the page numbers of some frames, and a hash table.
+    /// The size of a block (bytes). A block contains the page numbers of some frames, and a hash table.
     const PART: usize = 32_768;
-    /// The length of the header in the first block.
+    /// The size of the header in the first block (bytes).
     const HEADER: usize = 136;
-    /// Number of frames of a block; the first block has fewer because of the header.
+    /// Number of frames in a block. The first block has fewer because of the header.
     const FRAMES: usize = 4096;
     /// Number of slots of a block's hash table.
     const SLOTS: usize = 8192;
 
-    /// Reads an index that a connection has initialised. It may be written concurrently.
+    /// Reads an index. Returns `None` if no connection has initialised it, or a concurrent write
+    /// tore its header.
     pub(super) fn read(file: &File, is_whole: bool) -> Option<Self> {
         let length = if is_whole { usize::try_from(file.metadata().ok()?.len()).ok()? } else { 0 };
         let mut bytes = vec![0; length.max(Self::HEADER)];
         file.read_exact_at(&mut bytes, 0).ok()?;
-        // The header is stored twice, to detect a torn write; it has a flag that it is initialised,
-        // and the number of frames.
+        // The header is stored twice, so that a torn write is detected. It contains a flag that it
+        // is initialised, and the number of frames.
         let (one, other) = (&bytes[..48], &bytes[48..96]);
         if one != other || one[12] != 1 {
             return None;
@@ -166,15 +171,16 @@ impl Index {
         })
     }
 
-    /// Whether the frame with this number, from 1, may have this page, as far as the index tells: its list of pages has
-    /// it, by which SQLite writes the log back, and its hash table leads to it, by which SQLite reads.
+    /// Whether the index agrees that the frame with this number (from 1) contains this page. Both
+    /// the page list, which checkpoints use, and the hash table, which reads use, must agree.
+    /// Returns `true` if the index does not cover the frame.
     pub(super) fn may_have(&self, frame: u64, page: u32) -> bool {
         let first = Self::FRAMES - Self::HEADER / 4;
         let Some(at) = usize::try_from(frame).ok().filter(|at| *at > 0 && frame <= self.frames)
         else {
             return true;
         };
-        // The block; the place of its list; the frame's number in the block, from 1.
+        // The offset of the block, the offset of its page list, and the frame's number in the block, from 1.
         let (block, list, number) = match at.checked_sub(first + 1) {
             None => (0, Self::HEADER, at),
             Some(at) => {
@@ -195,13 +201,14 @@ impl Index {
             let at = Self::PART / 2 + 2 * at;
             usize::from(u16::from_ne_bytes([block[at], block[at + 1]]))
         };
-        // As SQLite: the product of the page's number and a prime, then the next slots up to an empty one.
+        // As in SQLite, the hash is the page number times a prime. On a collision, the next slots
+        // are probed, up to an empty one.
         let begin = page.wrapping_mul(383) as usize;
         let mut slots = (0..Self::SLOTS).map(|step| slot(begin.wrapping_add(step) % Self::SLOTS));
         has(number) && slots.find(|found| *found == number || *found == 0) == Some(number)
     }
 
-    /// A hash of everything but the header, which readers and write-backs change.
+    /// A hash of everything except the header, which readers and checkpoints change.
     pub(super) fn fingerprint(&self) -> u64 {
         let mut hash = DefaultHasher::new();
         self.bytes.get(Self::HEADER..).hash(&mut hash);
@@ -212,15 +219,15 @@ impl Index {
 /// The result of applying a log to a copy.
 #[derive(Debug, Default)]
 pub(super) struct Applied {
-    /// The length of the copy afterwards, if the log contains it.
+    /// The size of the copy after the last commit in the log (bytes), if the log contains a commit.
     pub(super) length: Option<u64>,
     /// Number of pages of the log that are damaged or missing.
     pub(super) lost: u64,
 }
 
-/// Applies to a copy of the file what SQLite would read of the log; if the log is damaged, every
-/// intact frame. `page` is as in [`Frames::open`]; `index` is the number of frames in the log's
-/// index.
+/// Applies to a copy of the file the frames that SQLite would read from the log. If the log is
+/// damaged, applies every intact frame. `page` is as in [`Frames::open`]. `index` is the log's
+/// index, if it can be read.
 pub(super) fn apply(
     log: &Path,
     page: Option<usize>,
@@ -238,7 +245,7 @@ pub(super) fn apply(
             (end, pages) = (count, frame.pages);
         }
     }
-    // After the last commit are pages of an unfinished transaction.
+    // The frames after the last commit belong to an unfinished transaction.
     let Some(mut frames) = Frames::open(log, page)? else { return Ok(Applied::default()) };
     let length = (frames.frame.len() - FRAME) as u64;
     let mut lost = if is_damaged { index.saturating_sub(end) } else { 0 };
@@ -250,7 +257,7 @@ pub(super) fn apply(
             _ => lost += 1,
         }
     }
-    // Without an index, damaged frames here may have been committed.
+    // Without an index, damaged frames after the last commit may have been committed, too.
     while index == 0
         && is_damaged
         && let Some(frame) = frames.next()?
@@ -260,7 +267,7 @@ pub(super) fn apply(
     Ok(Applied { length: (pages > 0).then_some(u64::from(pages) * length), lost })
 }
 
-/// Whether the whole buffer could be filled.
+/// Fills the buffer. Returns `false` if there are too few bytes.
 pub(super) fn read_whole(from: &mut impl Read, buffer: &mut [u8]) -> io::Result<bool> {
     match from.read_exact(buffer) {
         Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(false),
@@ -311,7 +318,7 @@ mod tests {
     use super::super::file::DatabaseFile;
     use super::*;
 
-    /// Number of frames of a log, and number of those that SQLite reads.
+    /// Number of frames in a log, and number of frames that SQLite reads.
     fn frames(path: &Path) -> [usize; 2] {
         let mut frames = Frames::open(path, Some(PAGE)).unwrap().unwrap();
         let mut found = [0; 2];
@@ -360,7 +367,7 @@ mod tests {
             let applied = apply(damaged.log(), Some(PAGE), true, None, &copy).unwrap();
             assert_eq!(applied.lost, u64::from(name != "header.db"), "{name}");
             assert!(rows(&damaged) < ROWS, "{name}");
-            // A row of the damaged page may be in a later version of the same page.
+            // The rows of the damaged page may survive in a later version of the same page.
             let lost = rows(&mended) < ROWS;
             assert!(name != "header.db" || !lost, "{name}");
         }

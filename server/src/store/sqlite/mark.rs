@@ -1,8 +1,8 @@
 //! The mark of a database identifies which file and which write-ahead log belong together.
 //!
 //! SQLite applies any log with the right name to any file, and deletes the log of a missing file.
-//! The result of a mismatch looks sound but never existed as a database. So the marks are compared
-//! before a file is opened.
+//! The result of a mismatch looks sound, but is a state that the database never had. Therefore the
+//! marks are compared before a file is opened.
 
 use super::connection;
 use super::file::{DatabaseFile, MAGIC};
@@ -15,14 +15,14 @@ use std::path::Path;
 
 /// The prefix of every mark.
 const PREFIX: &[u8] = b"sidestep mark ";
-/// Length of an identity, hexadecimal digits.
+/// Length of an identity (hexadecimal digits).
 const IDENTITY: usize = 32;
-/// Length of the number of commits, digits.
+/// Length of the number of commits (digits).
 const COUNT: usize = 20;
-/// Length of the random number of a commit, hexadecimal digits.
+/// Length of the random number of a commit (hexadecimal digits).
 const DRAWN: usize = 16;
 
-/// The mark of a database after some commit.
+/// The mark of a database after a commit.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Mark {
     /// The identity of the database.
@@ -31,8 +31,7 @@ pub(super) struct Mark {
     pub(super) commits: u64,
     /// The random number of the previous commit.
     before: String,
-    /// The random number of the last commit. It differs between databases that were copies of each
-    /// other and diverged.
+    /// The random number of the last commit. It differs between copies of a database that have diverged.
     drawn: String,
 }
 
@@ -47,7 +46,8 @@ impl Mark {
         Some(Self { identity, commits, before: parts.next()?, drawn: parts.next()? })
     }
 
-    /// Whether the log's mark continues from this mark of the file, as far as they show.
+    /// Whether the log's mark can continue from this mark of the file. Returns `true` if the two
+    /// marks are too many commits apart to decide.
     fn is_followed_by(&self, log: &Self) -> bool {
         match log.commits {
             commits if commits == self.commits => log.drawn == self.drawn,
@@ -57,25 +57,27 @@ impl Mark {
     }
 }
 
-/// The page of a file that has its mark.
+/// The page of a file that contains the file's mark.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
-    /// Offset of the page, bytes.
+    /// Offset of the page (bytes).
     pub(super) offset: u64,
-    /// Its length, bytes.
+    /// Size of the page (bytes).
     pub(super) length: usize,
 }
 
-/// The mark in a file, ignoring its log, and its place; none in a file of an older version.
+/// The mark in a file, ignoring the file's log, and the mark's place. Returns `None` for a file of
+/// a version without marks.
 pub(super) fn of_file(file: &DatabaseFile) -> Result<Option<(Mark, Place)>> {
     match by_sqlite(file) {
-        // During a write-back, and after a crash in one, SQLite can read the file only with its log.
+        // During a checkpoint, and after a crash during one, SQLite can read the file only together
+        // with its log.
         Err(error) => Ok(Some(by_bytes(file).ok().flatten().ok_or(error)?)),
         found => found,
     }
 }
 
-/// The mark on the only page that has a mark and nothing else.
+/// The mark on a page that has a mark and nothing else, if there is exactly one such page.
 pub(super) fn by_bytes(file: &DatabaseFile) -> io::Result<Option<(Mark, Place)>> {
     let mut bytes = BufReader::with_capacity(1 << 20, File::open(file.path())?);
     let length = page_length(bytes.get_ref()).unwrap_or(PAGE);
@@ -92,19 +94,19 @@ pub(super) fn by_bytes(file: &DatabaseFile) -> io::Result<Option<(Mark, Place)>>
     Ok(found)
 }
 
-/// The mark on a page of a table's tree with a single row and a single value: user input is in rows
-/// with more values.
+/// The mark on a leaf page of a table's b-tree, if the page has a single row with a single value.
+/// User input is never found, because it is stored in rows with more values.
 fn alone_on(page: &[u8]) -> Option<Mark> {
-    // A leaf with one row, and the row's offset.
+    // A leaf page with one row, and the row's offset.
     let &[13, _, _, 0, 1, _, _, _, high, low, ..] = page else { return None };
     let row = page.get(usize::from(u16::from_be_bytes([high, low]))..)?;
-    // The row's length and its number, which is 1; then the length of the record header, and a text
+    // The row's length, its rowid 1, the length of the record header, and the serial type of a text
     // of 101 bytes.
     let &[104, 1, 3, 0x81, 0x57, ref text @ ..] = row else { return None };
     Mark::find(text.get(..101)?)
 }
 
-/// The same, as SQLite reads it.
+/// The mark in a file and its place, as SQLite reads them without the log.
 pub(super) fn by_sqlite(file: &DatabaseFile) -> Result<Option<(Mark, Place)>> {
     let db = connection::without_log(file)?;
     let page = "SELECT rootpage, (SELECT page_size FROM pragma_page_size) FROM sqlite_schema WHERE name = 'mark'";
@@ -117,7 +119,7 @@ pub(super) fn by_sqlite(file: &DatabaseFile) -> Result<Option<(Mark, Place)>> {
     Ok(mark.map(|mark| (mark, place)))
 }
 
-/// The page length, from the header in a file's first page.
+/// The page size, from the header in a file's first page.
 pub(super) fn page_length(mut file: &File) -> Option<usize> {
     let mut head = [0; 18];
     file.rewind().and_then(|()| file.read_exact(&mut head)).ok()?;
@@ -131,23 +133,23 @@ pub(super) fn page_length(mut file: &File) -> Option<usize> {
 /// Content of a write-ahead log.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Log {
-    /// The salts of this log generation: SQLite draws new ones when it restarts the log.
+    /// The salts of this generation of the log. SQLite draws new salts when it restarts the log.
     pub(super) salts: [u8; 8],
     /// The first and the last mark of the transactions that SQLite would apply.
     pub(super) marks: Option<[Mark; 2]>,
-    /// Whether all marks continue from the file's mark.
+    /// Whether all marks can continue from the file's mark.
     follows: bool,
     /// Number of transactions that SQLite would apply.
     commits: usize,
-    /// Number of frames that SQLite would read, if it would lose some: later transactions follow
-    /// them, or the log's index has more or different frames.
+    /// Number of frames that SQLite would read, if it would lose others: later transactions follow,
+    /// or the log's index has more or different frames.
     cut: Option<u64>,
 }
 
 impl Log {
-    /// Reads the log of a file with this mark; none if SQLite would neither apply nor lose any
-    /// transaction of it. Only the page of the mark counts: user input may look like a mark,
-    /// too.
+    /// Reads the log of a file with this mark. Returns `None` if SQLite would neither apply nor
+    /// lose any transaction of the log. Only marks on the page of the file's mark count, because
+    /// user input may look like a mark.
     pub(super) fn read(
         path: &Path,
         of: Option<&(Mark, Place)>,
@@ -158,7 +160,8 @@ impl Log {
         };
         let page = of.map(|(_, place)| place.offset / place.length as u64 + 1);
         let mut found = Self { salts: frames.salts(), follows: true, ..Self::default() };
-        // The last mark of the unfinished transaction; the number of sound frames; the last mark after those.
+        // The last mark of the unfinished transaction, the number of sound frames, and the highest
+        // number of commits in a mark after these frames.
         let (mut pending, mut sound, mut behind) = (None, 0, 0);
         let index = index.filter(|index| index.salts == found.salts);
         let mut is_indexed = true;
@@ -186,8 +189,8 @@ impl Log {
                 found.marks = Some([first, mark]);
             }
         }
-        // A power failure damages at most the last transaction: SQLite syncs the disk before it
-        // begins the next one.
+        // A power failure damages at most the last transaction, because SQLite syncs the disk
+        // before it begins the next one.
         let last = found.marks.as_ref().map_or(0, |[_, last]| last.commits);
         let last = of.map_or(last, |(file, _)| last.max(file.commits));
         let is_told = is_indexed && index.is_none_or(|index| index.frames <= sound);
@@ -202,7 +205,7 @@ pub enum Misplaced {
     /// The log belongs to another database.
     #[error("it belongs to another database")]
     Other,
-    /// The log belongs to a copy of this database that diverged.
+    /// The log belongs to a copy of this database that has diverged.
     #[error(
         "it belongs to another copy of this database: both went on from the same state, each by itself"
     )]
@@ -220,28 +223,29 @@ pub enum Misplaced {
         "no commit of Sidestep is in it; another program wrote it, or it belongs to another database"
     )]
     Unmarked,
-    /// A part of the log cannot be read, and later transactions follow it.
+    /// A part of the log or of its index was overwritten, and SQLite would lose transactions.
     #[error(
         "a part of it was overwritten, and SQLite would drop everything stored after that part"
     )]
     Damaged,
 }
 
-/// Number of attempts to read a log that a server restarts meanwhile.
+/// Number of attempts to read a log while a server writes to it.
 const ATTEMPTS: usize = 20;
 
-/// The mismatch of a file and its log, if any. Changes nothing. `index` reads the log's index, if
-/// it can be trusted.
+/// The mismatch between a file and its log, if any. Changes nothing. `index` reads the log's index,
+/// if it can be trusted.
 pub(super) fn misplaced(
     file: &DatabaseFile,
     index: impl Fn() -> Option<Index>,
 ) -> io::Result<Option<Misplaced>> {
     let mut before = None;
     for _ in 0..ATTEMPTS {
-        // First: frames written later are in the log, and may be in the index.
+        // The index is read before the log, so that it never has frames that were written after the
+        // log was read.
         let index = index();
         let Some(frames) = Frames::open(file.log(), None)? else { return Ok(None) };
-        // Damage is reported by the caller that opens the file.
+        // The caller opens the file and reports the damage.
         let Ok(found) = of_file(file) else { return Ok(None) };
         let Some(log) = Log::read(file.log(), found.as_ref(), index.as_ref())? else {
             return Ok(None);
@@ -249,7 +253,8 @@ pub(super) fn misplaced(
         if frames.salts() != log.salts {
             continue;
         }
-        // A server may be writing a frame during the read. It writes no frame twice.
+        // A server may be writing a frame during the read. Therefore a cut counts only if two reads
+        // find it at the same frame. A server writes no frame twice.
         if log.cut.is_none() || before == Some((log.salts, log.cut)) {
             return Ok(compare(found.map(|(mark, _)| mark).as_ref(), &log));
         }
@@ -263,7 +268,7 @@ fn compare(file: Option<&Mark>, log: &Log) -> Option<Misplaced> {
     foreign.or_else(|| log.cut.map(|_| Misplaced::Damaged))
 }
 
-/// The mismatch of a log, if it is not the file's own.
+/// The mismatch between a file and a log that is not its own, if any.
 fn strange(file: Option<&Mark>, log: &Log) -> Option<Misplaced> {
     let Some([first, last]) = &log.marks else {
         return file.filter(|_| log.commits > 0).map(|_| Misplaced::Unmarked);
@@ -311,7 +316,7 @@ mod tests {
         assert!(mark('a', 4).is_followed_by(&mark('a', 5)) && !other.is_followed_by(&mark('a', 5)));
         assert!(mark('a', 4).is_followed_by(&mark('a', 4)) && !other.is_followed_by(&mark('a', 4)));
         assert_eq!(of(Some(mark('a', 4)), log(5, 9)), None);
-        // Written back, partially or completely.
+        // A checkpoint has written the log back, partially or completely.
         assert_eq!(of(Some(mark('a', 7)), log(5, 9)), None);
         assert_eq!(of(Some(mark('a', 9)), log(5, 9)), None);
         assert_eq!(of(Some(mark('a', 3)), log(5, 9)), Some(Misplaced::Later));
@@ -319,7 +324,8 @@ mod tests {
         assert_eq!(of(Some(mark('b', 4)), log(5, 9)), Some(Misplaced::Other));
         let unmarked = || Log { follows: true, commits: 1, ..Log::default() };
         assert_eq!(of(Some(mark('a', 4)), unmarked()), Some(Misplaced::Unmarked));
-        // The file is of an earlier version, whose log has no marks either; or it was migrated in this log.
+        // The file is of an earlier version whose log has no marks either, or this log contains the
+        // migration.
         assert_eq!(of(None, unmarked()), None);
         assert_eq!(of(None, log(1, 3)), None);
         assert_eq!(of(None, log(5, 9)), Some(Misplaced::Later));

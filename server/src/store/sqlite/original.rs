@@ -1,4 +1,4 @@
-//! Checks that the file that was opened is still in place, and as SQLite left it.
+//! Checks that the file that was opened is still in place and has the content that SQLite wrote.
 //!
 //! SQLite does not notice when another process deletes, moves, replaces, overwrites or truncates
 //! its open file. So this is checked before each read, before and after each commit, and regularly
@@ -19,7 +19,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// Interval of the checks while the file is not in use.
+/// Interval between the regular checks.
 const WATCH: Duration = Duration::from_millis(250);
 
 /// Every n-th check reads the whole log, if it was written to.
@@ -33,13 +33,14 @@ const AGAIN: Duration = Duration::from_secs(2);
 pub(super) struct Original {
     file: DatabaseFile,
     identity: Identity,
-    /// Kept open until the end: closing any handle of the file releases SQLite's locks on it.
+    /// It stays open until the end, because closing any handle of the file releases SQLite's locks on it.
     handle: File,
     mark: Mutex<Option<(String, Place)>>,
-    /// The highest number of commits in the file itself so far, and its greatest length, bytes.
+    /// The highest number of commits seen in the file without its log, and the greatest length of
+    /// the file (bytes).
     commits: AtomicU64,
     length: AtomicU64,
-    /// The change that another process made to the content, if any; permanent.
+    /// The change that another process made to the content, if any. It is never cleared.
     changed: OnceLock<&'static str>,
     /// State of the file at the last check.
     written: Mutex<Looked>,
@@ -51,10 +52,10 @@ pub(super) struct Original {
     log: Mutex<Seen>,
     /// Whether the log is what SQLite wrote.
     has_log: AtomicBool,
-    /// The log and its index when they were last compared.
+    /// State of the log and its index when they were last compared.
     log_read: Mutex<Option<LogRead>>,
-    /// Each index of the log that was open here, locked. None is ever closed: that would release
-    /// SQLite's locks on it.
+    /// Every index of the log that was open here, kept locked. None is ever closed, because that
+    /// would release SQLite's locks on it.
     indices: Mutex<Vec<(Identity, File)>>,
     /// Whether rescued data may be written to other folders.
     goes_elsewhere: AtomicBool,
@@ -71,11 +72,12 @@ type LogRead = (SystemTime, Option<u64>);
 #[derive(Clone, Copy, Debug, Default)]
 struct Seen {
     salts: [u8; 8],
-    /// Bytes.
+    /// Length of the log (bytes).
     length: u64,
 }
 
-/// When a file was last written to, and how much of its log it contained then. A write-back changes both.
+/// When a file was last written to, and how many frames of its log checkpoints had written to it
+/// then. A checkpoint changes both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Written {
     at: SystemTime,
@@ -83,21 +85,23 @@ struct Written {
     frames: u32,
 }
 
-/// The checks for writes in place.
+/// State of the checks for in-place writes by other processes.
 #[derive(Debug, Default)]
 struct Looked {
     last: Option<Written>,
-    /// Whether the file was written to without a write-back. Another process may be about to record one.
+    /// Whether the file was written to without a checkpoint. Another process may be about to record
+    /// a checkpoint.
     is_odd: bool,
 }
 
 impl Original {
-    /// The current file, with all migrations applied. A served file is checked for damage first.
+    /// The file that is now at this path. All migrations must be applied. The first regular check
+    /// looks for damage if the file is served.
     pub(super) fn new(file: DatabaseFile, is_served: bool) -> Result<Self, StoreError> {
         let identity = file.identity()?;
         let unreadable = |error: std::io::Error| StoreError::Unavailable(error.to_string());
         let handle = File::open(file.path()).map_err(unreadable)?;
-        // A file opened to read may be of an older version, and a new file's mark may still be only in the log.
+        // The mark of a new or newly migrated file may still be only in the log.
         let mark = mark::of_file(&file)?.map(|(mark, place)| (mark.identity, place));
         let length = handle.metadata().map_err(unreadable)?.len();
         Ok(Self {
@@ -154,7 +158,7 @@ impl Original {
         *self.companions.lock().unwrap_or_else(PoisonError::into_inner) = found;
     }
 
-    /// Keeps an index locked, so that other processes can tell whether they share it.
+    /// Keeps an index locked, so that other processes can check whether they share it.
     fn keep_index(&self, identity: Identity) {
         let mut indices = self.indices.lock().unwrap_or_else(PoisonError::into_inner);
         if indices.iter().all(|(kept, _)| *kept != identity)
@@ -166,8 +170,8 @@ impl Original {
         }
     }
 
-    /// The same for the file, its log and all frames of the log. Called before a write-back, which
-    /// would copy frames that another process has overwritten into the file.
+    /// Checks the file, its log and all frames of the log. It is called before a checkpoint, which
+    /// would copy into the file any frames that another process has overwritten.
     pub(super) fn check_all(&self) -> Result<(), StoreError> {
         self.check_with_log()?;
         let written = std::fs::metadata(self.file.log()).and_then(|log| log.modified()).ok();
@@ -197,7 +201,7 @@ impl Original {
         Index::read(open, is_whole)
     }
 
-    /// Whether the index belongs to another generation of the log than the log that is there.
+    /// Whether the index belongs to another generation of the log than the log file.
     fn has_other_index(&self) -> bool {
         let is_other = || {
             let Some(index) = self.index(false).filter(|index| index.frames > 0) else {
@@ -208,14 +212,14 @@ impl Original {
             log.is_ok_and(|log| log.read_exact_at(&mut header, 0).is_ok())
                 && header[16..24] != index.salts
         };
-        // SQLite restarts a log and its index one after the other.
+        // SQLite restarts a log and its index one after the other, so the check is repeated.
         (0..3).all(|attempt| {
             std::thread::sleep(Duration::from_millis(5 * attempt));
             is_other()
         })
     }
 
-    /// The same for the file and its log.
+    /// Checks the file and its log, but not the content of the log's frames.
     pub(super) fn check_with_log(&self) -> Result<(), StoreError> {
         self.check()?;
         let known = *self.companions.lock().unwrap_or_else(PoisonError::into_inner);
@@ -235,8 +239,8 @@ impl Original {
         self.check()
     }
 
-    /// Records that another process has overwritten the index of the log. The content of the log is
-    /// then intact, and stays there.
+    /// Checks whether another process has overwritten the index of the log, and records this. The
+    /// log keeps its content.
     fn check_index(&self) {
         if self.has_other_index() {
             self.has_log.store(false, Ordering::Relaxed);
@@ -261,7 +265,7 @@ impl Original {
             if known.length == 0 {
                 return None;
             }
-            // SQLite empties it when everything is written back, and its index then says so.
+            // SQLite empties the log after a complete checkpoint. The index then has no pages.
             let pages =
                 connection::reading(&self.file, false).and_then(|db| connection::log_pages(&db));
             if pages != Ok(0) || is_read {
@@ -275,7 +279,7 @@ impl Original {
             known.length = known.length.max(length);
             return is_shorter.then_some(CUT);
         }
-        // The log was restarted after a complete write-back.
+        // The log was restarted after a complete checkpoint.
         let mark = mark::of_file(&self.file).ok()?;
         let log = Log::read(self.file.log(), mark.as_ref(), None).ok()??;
         let [_, last] = log.marks?;
@@ -287,7 +291,7 @@ impl Original {
         None
     }
 
-    /// Writes the log back. Simultaneous writes by other processes cannot be distinguished from that.
+    /// Runs a checkpoint. Simultaneous writes by other processes cannot be distinguished from it.
     pub(super) fn writing_back<T>(&self, write_back: impl FnOnce() -> T) -> T {
         let mut looked = self.written.try_lock();
         if let Ok(looked) = &mut looked {
@@ -307,8 +311,8 @@ impl Original {
         Some(Written { at, salts: index.salts, frames: index.written_back })
     }
 
-    /// Records whether another process has written to the file without a write-back. Returns
-    /// whether such a write was found before and has ended.
+    /// Records whether another process has written to the file without a checkpoint. Returns
+    /// whether the previous check found such a write, and the write has ended.
     fn look(&self, looked: &mut Looked) -> bool {
         let (last, found) = (looked.last, self.written());
         looked.last = found;
@@ -323,9 +327,10 @@ impl Original {
         was_odd && !looked.is_odd
     }
 
-    /// Makes SQLite check for damage, at first and after another process has written to the file in place.
+    /// Makes SQLite check a served file for damage once at the start, and again after another
+    /// process has written to the file in place.
     fn check_in_place(&self) {
-        // SQLite deletes the log of a file that was emptied.
+        // SQLite would delete the log of a file that was emptied.
         if self.check_with_log().is_err() {
             return;
         }
@@ -339,7 +344,7 @@ impl Original {
                 "another process wrote to the database file; SQLite finds no damage, and 'sidestep check' replays every trial"
             ),
             Ok(None) => {}
-            // Without its log the file is damaged, with it it is not.
+            // If the log had just disappeared, the file would only seem damaged.
             Ok(Some(_)) | Err(StoreError::Corrupt(_)) if self.check_with_log().is_ok() => {
                 self.changed.get_or_init(
                     || "damaged; stop the server: 'sidestep check' says where, and what to do",
@@ -349,12 +354,11 @@ impl Original {
         }
     }
 
-    /// The rescued copy.
     pub(super) fn rescued(&self) -> Option<PathBuf> {
         self.rescued.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Records the rescued copy; none once the file is back.
+    /// Records the rescued copy, or `None` once the file is back.
     pub(super) fn note_rescued(&self, file: Option<PathBuf>) {
         *self.rescued.lock().unwrap_or_else(PoisonError::into_inner) = file;
     }
@@ -381,7 +385,7 @@ impl Original {
         }
     }
 
-    /// Whether a retry finds the mark: while SQLite writes the page, a read may be torn.
+    /// Whether a retry finds the mark. While SQLite writes the page, a read may be torn.
     fn is_found_again(&self) -> bool {
         (1..=4).any(|attempt| {
             std::thread::sleep(Duration::from_millis(5 * attempt));
@@ -398,7 +402,7 @@ impl Original {
         {
             *known = place;
         }
-        // VACUUM shortens the file and records this in the header: the page length and the number of pages.
+        // VACUUM shortens the file. The header contains the page size and the new number of pages.
         let mut header = [0; 100];
         let length = self.handle.metadata().map_or(0, |found| found.len());
         if self.handle.read_exact_at(&mut header, 0).is_err() {
@@ -416,7 +420,7 @@ impl Original {
         self.found().is_none()
     }
 
-    /// Whether the content is what SQLite wrote: at most, the file was moved, deleted or replaced.
+    /// Whether the content is what SQLite wrote. The file may still have been moved, deleted or replaced.
     pub(super) fn is_whole(&self) -> bool {
         self.changed.get().is_none()
     }
@@ -431,8 +435,8 @@ impl Original {
         self.file.identity() == Ok(self.identity)
     }
 
-    /// Whether another process has tampered with the file, and its data have not been rescued. A
-    /// rescued log is not enough once the file itself is gone.
+    /// Whether the data of a changed file still have to be rescued. A rescued log is not enough
+    /// once the file itself is gone.
     pub(super) fn lacks_rescue(&self) -> bool {
         let log =
             || self.has_log() && (self.is_whole() || self.is_own_log() && self.file.has_log());
@@ -452,7 +456,7 @@ impl Original {
         self.lost.get().cloned()
     }
 
-    /// Copies the content of the open file, wherever its name is now, into another file.
+    /// Copies the content of the open file into another file, even if the open file was renamed or deleted.
     pub(super) fn copy_to(&self, mut out: &File) -> std::io::Result<()> {
         let (mut piece, mut at) = (vec![0; 1 << 20], 0);
         loop {
@@ -471,13 +475,13 @@ impl Original {
         known.is_none_or(|[log, _]| log == self.file.companions()[0])
     }
 
-    /// Allows rescue files in other folders than the file's.
+    /// Allows rescue files in folders other than the database's.
     pub(super) fn rescue_elsewhere(&self) {
         self.goes_elsewhere.store(true, Ordering::Relaxed);
     }
 
-    /// New names for rescue files: beside the file, and if that fails and is allowed, in the
-    /// working directory or the temporary directory.
+    /// New names for a rescue file, in the order in which to try them: beside the database and, if
+    /// allowed, in the working directory and in the temporary directory.
     pub(super) fn rescue_names(&self) -> impl Iterator<Item = PathBuf> {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let mut name = self.file.path().file_name().unwrap_or_default().to_owned();
@@ -502,7 +506,8 @@ pub(super) struct Watch {
 }
 
 impl Watch {
-    /// Starts the thread. It calls `noticed` whenever another process has changed the file.
+    /// Starts the thread. It calls `noticed` when another process has changed the file, and again
+    /// while the data are not rescued.
     pub(super) fn start(
         original: Arc<Original>,
         noticed: impl Fn() + Send + 'static,
@@ -523,7 +528,7 @@ impl Watch {
                         tracing::error!(%error, "nothing is stored any more");
                         (asked, ()) = (Instant::now(), noticed());
                     }
-                    // The disk may have been full.
+                    // The last rescue may have failed because the disk was full.
                     Err(_) if original.lacks_rescue() && asked.elapsed() > AGAIN => {
                         (asked, ()) = (Instant::now(), noticed());
                     }

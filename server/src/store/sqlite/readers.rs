@@ -18,20 +18,20 @@ pub(super) struct Readers {
     original: Arc<Original>,
     /// Whether the file must stay untouched.
     only_reads: bool,
-    /// None once the store is closed.
+    /// The idle connections. `None` once the store is closed.
     idle: Mutex<Option<Vec<Connection>>>,
     long: Arc<Semaphore>,
 }
 
 impl Readers {
-    /// Readers of the original file; they never read a file that replaces it.
+    /// Readers of the original file. They never read a file that replaces it.
     pub(super) fn new(file: DatabaseFile, original: Arc<Original>, only_reads: bool) -> Self {
         let idle = Mutex::new(Some(Vec::new()));
         Self { file, original, only_reads, idle, long: Arc::new(Semaphore::new(LONG_READS)) }
     }
 
     /// Reads a few rows on the calling thread. Readers never wait in WAL mode, and a few rows take
-    /// some microseconds, less than handing the work to another thread.
+    /// some microseconds. This is less than handing the work to another thread.
     pub(super) fn short<T>(
         &self,
         read: impl FnOnce(&Connection) -> Result<T, StoreError>,
@@ -59,7 +59,7 @@ impl Readers {
             Arc::clone(&self.long).acquire_owned().await.map_err(|_| StoreError::closed())?;
         let readers = Arc::clone(self);
         let reading = tokio::task::spawn_blocking(move || {
-            // The caller may be cancelled: the permit stays with the work.
+            // The caller may be cancelled, so the work keeps the permit.
             let _permit = permit;
             readers.short(|db| {
                 db.control("BEGIN")?;
@@ -72,7 +72,8 @@ impl Readers {
         reading.await.map_err(|error| StoreError::Defect(error.to_string()))?
     }
 
-    /// An idle connection that has the file open, wherever its name is now. It may copy the data that it sees.
+    /// Takes an idle connection. It has the file open even if the file was renamed or deleted, and
+    /// can copy the data that it sees.
     pub(super) fn take_idle(&self) -> Option<Connection> {
         let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
         let db = idle.as_mut()?.pop()?;
@@ -87,11 +88,11 @@ impl Readers {
         for db in idle.into_iter().flatten() {
             if self.original.check().is_err() {
                 // Closing the last connection would delete the log, which may belong to another
-                // file, or be the only copy.
+                // file, or be the only copy of the data.
                 std::mem::forget(db);
                 continue;
             }
-            // Closing the last connection deletes an empty log, if allowed; a log with content stays.
+            // The last connection to close deletes an empty log.
             if !self.only_reads && !self.file.has_log() {
                 let _ = db.batch("PRAGMA query_only = OFF");
             }

@@ -1,9 +1,9 @@
-//! Rebuilds the trees of a damaged SQLite file over the surviving rows:
+//! Rebuilds the b-trees of a damaged SQLite file over the surviving rows:
 //! <https://www.sqlite.org/fileformat2.html#b_tree_pages>.
 //!
-//! SQLite finds rows from the root page of a table downwards, so a lost inner page hides all rows
-//! below it. Leaf pages still contain the numbers of their rows, and the types of the values show
-//! which table they belong to.
+//! SQLite finds rows from the root page of a table downwards, so a lost interior page hides all
+//! rows below it. The leaf pages still contain the rowids of their rows, and the types of the
+//! values show which table the rows belong to.
 
 mod page;
 mod columns;
@@ -21,12 +21,12 @@ use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
 
-/// More than the number of tables.
+/// An upper bound on the number of tables.
 const MOST_TABLES: usize = 100;
 
-/// Rebuilds the trees of a file that have lost a page. The file has no log. In the rebuilt trees,
-/// missing rows refer to a page that SQLite reports as damaged. If the schema has lost a page, its
-/// tables are put back as they are in the database `like`, which has all migrations.
+/// Rebuilds the b-trees of a file that have lost a page. The file must not have a log. In a rebuilt
+/// b-tree, the place of missing rows refers to a page that SQLite reports as damaged. If the schema
+/// has lost a page, its tables are restored from the database `like`, which has all migrations.
 ///
 /// # Errors
 /// If the file cannot be read or written.
@@ -40,19 +40,19 @@ pub(super) fn mend(named: &DatabaseFile, page: usize, like: Option<&Connection>)
     if pages.mend(&schema)?
         && let Some(like) = like
     {
-        // SQLite itself reports the file's damage if this fails.
+        // If this fails, SQLite itself reports the damage later.
         let _ = put_back(named, &mut pages, like);
         pages = Pages::of(&file, page)?;
         pages.mend(&schema)?;
     }
     match tables(named) {
         Ok(tables) => pages.mend(&tables).map(drop),
-        // SQLite itself reports the file's damage.
+        // SQLite itself reports the damage later.
         Err(_) => Ok(()),
     }
 }
 
-/// Puts back the lost part of the schema.
+/// Restores the lost part of the schema.
 fn put_back(named: &DatabaseFile, pages: &mut Pages<'_>, like: &Connection) -> sql::Result<()> {
     let (blank, first) = (vec![0; pages.size], pages.count + 1);
     let appended = (0..MOST_TABLES).try_for_each(|_| pages.append(&blank).map(drop));
@@ -65,24 +65,24 @@ fn put_back(named: &DatabaseFile, pages: &mut Pages<'_>, like: &Connection) -> s
     }
 }
 
-/// The rows of a tree from the end of the previous part up to `last`.
+/// The rows of a b-tree after the previous part, up to the rowid `last`.
 struct Part {
     last: i64,
-    /// The page of these rows; none if unknown.
+    /// The leaf page of these rows, or `None` if it is lost.
     page: Option<u32>,
 }
 
-/// A leaf page that no tree refers to.
+/// A leaf page that no b-tree refers to.
 struct Stray {
     page: u32,
     first: i64,
     last: i64,
-    /// The types of the values of each row.
+    /// The serial types of the values of each row.
     rows: Vec<Vec<u64>>,
 }
 
 impl Stray {
-    /// None if the page has no rows, or anything in it is impossible.
+    /// Returns `None` if the page is not a leaf page, has no rows, or is invalid.
     fn read(page: u32, content: &[u8]) -> Option<Self> {
         if content.first() != Some(&LEAF) {
             return None;
@@ -106,12 +106,12 @@ struct Pages<'a> {
     size: usize,
     /// The number of pages.
     count: u32,
-    /// The pages that a tree refers to.
+    /// The pages that a b-tree refers to.
     reached: HashSet<u32>,
 }
 
 impl<'a> Pages<'a> {
-    /// More than the levels of a tree of 2³² pages.
+    /// An upper bound on the number of levels of a b-tree with 2³² pages.
     const DEPTH: usize = 20;
 
     fn of(file: &'a File, size: usize) -> io::Result<Self> {
@@ -136,7 +136,7 @@ impl<'a> Pages<'a> {
         Ok(self.count)
     }
 
-    /// Rebuilds the trees of these tables, if any of their pages are lost. Returns whether any are.
+    /// Rebuilds the b-trees of these tables that have lost pages. Returns whether it rebuilt any.
     fn mend(&mut self, tables: &[Table]) -> io::Result<bool> {
         let mut damaged = Vec::new();
         for table in tables {
@@ -158,14 +158,14 @@ impl<'a> Pages<'a> {
         }
         let (first, parts) = &damaged[0];
         if first.root == 1 && found[0].is_empty() && parts.iter().all(|part| part.page.is_none()) {
-            // Perhaps it is not a database at all.
+            // The file may not be a database at all.
             return Ok(false);
         }
         let lost = self.append(&vec![0; self.size])?;
         for ((table, parts), strays) in damaged.iter().zip(&found) {
             let mut pages = filled(parts, strays, lost);
             if table.root == 1 {
-                // SQLite reads either all tables or none.
+                // SQLite reads the schema as a whole, so a damaged page in it would hide all tables.
                 pages.retain(|(_, page)| *page != lost);
             }
             self.build(table.root, pages)?;
@@ -173,7 +173,7 @@ impl<'a> Pages<'a> {
         self.write_header().map(|()| true)
     }
 
-    /// The parts of the tree below a page, whose rows end with `last`.
+    /// Appends the parts of the subtree at this page. Its rowids end at `last`.
     fn walk(
         &mut self,
         page: u32,
@@ -204,7 +204,7 @@ impl<'a> Pages<'a> {
         Ok(())
     }
 
-    /// The leaf pages that no tree refers to, in the order of their rows.
+    /// The leaf pages that no b-tree refers to, ordered by rowid.
     fn strays(&self) -> io::Result<Vec<Stray>> {
         let mut strays = Vec::new();
         for page in (2..=self.count).filter(|page| !self.reached.contains(page)) {
@@ -214,9 +214,9 @@ impl<'a> Pages<'a> {
         Ok(strays)
     }
 
-    /// Writes a tree over these pages, each given with the number of its last row.
+    /// Writes a b-tree over these pages. Each page is given with the rowid of its last row.
     fn build(&mut self, root: u32, mut pages: Vec<(i64, u32)>) -> io::Result<()> {
-        // The number of cells that always fits, however long the row numbers are.
+        // The number of cells that fit on a page even if all rowids have the maximum length.
         let most = (self.size - HEADER - 12) / 15;
         while pages.len() > most {
             let mut above = Vec::new();
@@ -230,7 +230,7 @@ impl<'a> Pages<'a> {
         self.file.write_all_at(&content, self.offset(root))
     }
 
-    /// Writes the number of pages. No page is marked free: the free list may be damaged, too.
+    /// Writes the number of pages. The free list is emptied, because it may be damaged, too.
     fn write_header(&self) -> io::Result<()> {
         let mut header = [0; HEADER];
         self.file.read_exact_at(&mut header, 0)?;
@@ -239,7 +239,7 @@ impl<'a> Pages<'a> {
             header[..16].copy_from_slice(MAGIC);
             let size = u16::try_from(self.size).unwrap_or(1);
             header[16..18].copy_from_slice(&size.to_be_bytes());
-            // WAL mode; fractions of a page that payloads may fill; schema format 4; UTF-8.
+            // WAL mode, the fractions of a page that payloads may fill, schema format 4, and UTF-8.
             header[18..24].copy_from_slice(&[2, 2, 0, 64, 32, 32]);
             header[47] = 4;
             header[59] = 1;
@@ -252,8 +252,8 @@ impl<'a> Pages<'a> {
     }
 }
 
-/// The one table that lacks these rows and could have them. None if there are two: rows must not
-/// appear in a table where they never were.
+/// The only table that lacks these rows and could have contained them. Returns `None` if there are
+/// several, because rows must not appear in a table that never contained them.
 fn owner(damaged: &[(&Table, Vec<Part>)], stray: &Stray) -> Option<usize> {
     let is_missing = |parts: &[Part]| {
         let mut before = i64::MIN;
@@ -275,7 +275,7 @@ fn owner(damaged: &[(&Table, Vec<Part>)], stray: &Stray) -> Option<usize> {
     only(true).or_else(|| only(false))
 }
 
-/// All pages of a table, each with the number of its last row; `lost` for rows without a page.
+/// All leaf pages of a table, each with the rowid of its last row. `lost` is the page for lost rows.
 fn filled(parts: &[Part], strays: &[&Stray], lost: u32) -> Vec<(i64, u32)> {
     let (mut pages, mut strays) = (Vec::new(), strays.iter().peekable());
     let mut before = 0;
@@ -310,7 +310,7 @@ mod tests {
     use std::collections::BTreeSet;
     use std::path::Path;
 
-    /// A file with two tables of three levels, and a small one.
+    /// A file with two tables whose b-trees have three levels, and some small tables.
     fn written(path: &Path) -> Vec<u8> {
         let file = DatabaseFile::at(path);
         file.create().unwrap();
@@ -329,7 +329,7 @@ mod tests {
             let text = "x".repeat(900);
             db.batch(&format!("CREATE VIEW view{view} AS SELECT '{text}'")).unwrap();
         }
-        // Row numbers have various lengths; two tables grow together, so that their pages alternate.
+        // The rowids have various lengths. Two tables grow together, so that their pages alternate.
         let rows =
             "WITH RECURSIVE n (n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM n WHERE n < 400) ";
         for part in 0..3 {
@@ -346,7 +346,7 @@ mod tests {
         std::fs::read(path).unwrap()
     }
 
-    /// The names of the rows that SQLite reads, stepping from each row to the next.
+    /// The names of the rows that SQLite finds by their rowids, or as the next row after a rowid.
     fn names(file: &DatabaseFile) -> BTreeSet<String> {
         let db = connection::without_log(file).unwrap();
         let mut found = BTreeSet::new();
@@ -369,7 +369,7 @@ mod tests {
         found
     }
 
-    /// The names found in leaf pages without following trees: the rows that survived.
+    /// The names of the rows that survived. They are found in the leaf pages without following b-trees.
     fn left(content: &[u8]) -> BTreeSet<String> {
         let mut found = BTreeSet::new();
         for page in content.chunks_exact(PAGE).filter(|page| page[0] == LEAF) {
@@ -385,7 +385,7 @@ mod tests {
         found
     }
 
-    /// Mends a file of these bytes, and compares the readable rows with the surviving ones.
+    /// Rebuilds a file with this content, and compares the readable rows with the surviving rows.
     fn compare(path: &Path, content: &[u8], what: &str) -> usize {
         std::fs::write(path, content).unwrap();
         let file = DatabaseFile::at(path);
@@ -406,7 +406,7 @@ mod tests {
         let inner: Vec<_> =
             (0..whole.len() / PAGE).filter(|page| whole[page * PAGE] == INNER).collect();
         assert!(inner.len() > 4, "{inner:?}");
-        // The first page has the schema, and the next ones are the roots of the trees.
+        // The first page contains the schema, and the next ones are the root pages of the tables.
         for lost in inner.iter().copied().chain([0, 1, 2, 3, 40]) {
             let mut content = whole.clone();
             content[lost * PAGE..][..PAGE].fill(0);

@@ -1,9 +1,10 @@
-//! Writes the write-ahead log back to the database while the writer continues.
+//! Checkpoints: a thread writes the write-ahead log back to the database while the writer continues.
 //!
-//! SQLite would do so in the commit that makes the log long, and every caller that waits for the
-//! writer would wait for two syncs of many pages. So a thread with its own connection does it, in
-//! rounds, until few pages are left. The writer writes these back itself between two batches:
-//! SQLite restarts the log only when it is written back completely.
+//! By default, SQLite runs a checkpoint in the commit that makes the log long, and every caller
+//! that waits for the writer would wait for two syncs of many pages. So a thread with its own
+//! connection runs checkpoints in rounds, until few pages are left. The writer writes these pages
+//! back itself between two batches, because SQLite restarts the log only after a complete
+//! checkpoint.
 
 use super::connection;
 use super::file::DatabaseFile;
@@ -14,7 +15,7 @@ use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-/// Number of pages in the log that triggers a write-back.
+/// Number of pages in the log that triggers a checkpoint.
 const LONG: i64 = 4_000;
 
 /// Number of pages at which the writer no longer waits for the thread.
@@ -23,33 +24,33 @@ const TOO_LONG: i64 = 10 * LONG;
 /// At most this many pages are left to the writer.
 const FEW: i64 = 64;
 
-/// Maximum number of rounds. Each writes back the pages that came during the previous one.
+/// Maximum number of rounds. Each round writes back the pages that were added during the previous round.
 const MOST_ROUNDS: usize = 8;
 
-/// Who writes back next.
+/// Who runs the next checkpoint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turn {
     /// Nobody: the log is short, or was left as it is.
     Nobody,
     /// The thread.
     Thread,
-    /// The writer: only few pages are left.
+    /// The writer, because only few pages are left.
     Writer,
 }
 
-/// The writer's handle.
+/// A handle to the thread, for the writer.
 pub(super) struct WriteBack {
     begin: Option<SyncSender<()>>,
     turn: Arc<Mutex<Turn>>,
     original: Arc<Original>,
-    /// Number of pages at which the log is next written back. Raised after an error or an
-    /// incomplete round, so that not every commit retries.
+    /// Number of pages in the log that triggers the next checkpoint. Every checkpoint raises it, so
+    /// that not every commit retries after an error or an incomplete round.
     due: i64,
     thread: Option<JoinHandle<()>>,
 }
 
 impl WriteBack {
-    /// Starts the thread. It writes only to the expected file.
+    /// Starts the thread. It writes only to the original file.
     pub(super) fn start(file: DatabaseFile, original: Arc<Original>) -> Result<Self, StoreError> {
         let turn = Arc::new(Mutex::new(Turn::Nobody));
         let (begin, asked) = sync_channel(1);
@@ -69,9 +70,9 @@ impl WriteBack {
         Ok(Self { begin: Some(begin), turn, original: own, due: LONG, thread: Some(thread) })
     }
 
-    /// Triggers the write-back of a long log. Called by the writer's thread after a commit.
+    /// Triggers a checkpoint if the log is long. The writer thread calls this after a commit.
     pub(super) fn after_commit(&mut self, db: &Connection) {
-        // If the number cannot be read, a write-back would fail, too, and the next commit reports the error.
+        // If the number cannot be read, a checkpoint would fail, too, and the next commit reports the error.
         let pages = connection::log_pages(db).unwrap_or(0);
         if pages < LONG {
             self.due = LONG;
@@ -87,7 +88,7 @@ impl WriteBack {
             }
         } else if is_due && let Some(begin) = &self.begin {
             self.due = pages.saturating_add(LONG);
-            // Set first: the thread may finish before this one continues.
+            // The turn is set first, because the other thread may finish before this one continues.
             set(&self.turn, Turn::Thread);
             if begin.try_send(()).is_err() {
                 set(&self.turn, Turn::Nobody);
@@ -111,7 +112,7 @@ impl Drop for WriteBack {
     }
 }
 
-/// Writes the log back. Returns whether only few pages are left, which arrived meanwhile.
+/// Runs checkpoints. Returns whether only few pages are left, which were added during the last rounds.
 fn write_back(file: &DatabaseFile, original: &Original) -> Result<bool, StoreError> {
     original.check_all()?;
     let db = connection::writing(file.path())?;

@@ -2,15 +2,16 @@
 //!
 //! Operations wait in bounded queues. The writer takes a batch, runs its operations in one
 //! transaction (trials together, every other operation in a savepoint), commits once, and only then
-//! answers: one wait for the disk serves many requests. After an error that may have ended the
-//! transaction, the writer closes the connection and refuses the whole batch, so that writing
-//! resumes as soon as a full disk or an I/O error is gone.
+//! answers. With this group commit, one wait for the disk serves many requests. After an error that
+//! may have ended the transaction, the writer closes the connection and refuses the whole batch.
+//! The next batch opens a new connection, so writing resumes as soon as the disk accepts writes
+//! again.
 //!
-//! There are three queues (lanes). Trials go first, since a browser waits for each. Other requests
-//! follow, for about as long as a commit takes, so that a class that enrols at once hardly delays
-//! participants who are driving. Background work (files and cells of an analysis, value functions)
-//! runs in separate transactions, one operation between two batches, so that requests wait for at
-//! most one of them.
+//! There are three queues (lanes). Trials go first, because a browser waits for each. Other
+//! requests follow, for about the duration of a commit. So if a whole class enrols at the same
+//! time, it hardly delays participants who are driving. Background work (files and cells of an
+//! analysis, value functions) runs in separate transactions, one operation between two batches, so
+//! that requests wait for at most one of them.
 
 use super::connection;
 use super::file::DatabaseFile;
@@ -32,7 +33,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
-/// Maximum length of a lane's queue; more operations are refused.
+/// Maximum length of a lane's queue. Further operations are refused.
 const QUEUE: usize = 1_024;
 
 /// Maximum number of trials in a batch.
@@ -52,9 +53,9 @@ struct Lanes {
     trials: VecDeque<Box<dyn Operation>>,
     requests: VecDeque<Box<dyn Operation>>,
     background: VecDeque<Box<dyn Operation>>,
-    /// When to try to empty the log, if requested.
+    /// When to try to empty the log, if this was requested.
     empty_log_at: Option<Instant>,
-    /// Whether another process has changed the file.
+    /// Whether a rescue was requested, because another process has changed the file.
     rescue: bool,
     /// Whether the last write failed because of the disk.
     has_failed: bool,
@@ -66,7 +67,7 @@ struct Queue {
     changed: Condvar,
 }
 
-/// The thread's next action.
+/// The writer thread's next action.
 enum Next {
     /// Writes a batch whose first `trials` operations store trials.
     Write {
@@ -75,7 +76,7 @@ enum Next {
     },
     Background(Batch),
     EmptyLog,
-    /// Rescues the data of a database that another process has changed into another file.
+    /// Rescues the data into another file, because another process has changed the database.
     Rescue,
     Stop,
 }
@@ -103,7 +104,7 @@ impl Queue {
         Ok(())
     }
 
-    /// Waits for the next action. Operations queued before the end still run.
+    /// Waits for the next action. Operations that were queued before the writer was closed still run.
     fn next(&self, last_background: Instant) -> Next {
         let mut lanes = self.lanes();
         loop {
@@ -141,7 +142,7 @@ impl Queue {
         }
     }
 
-    /// Requeues other requests, before those that came later.
+    /// Puts requests back at the front of their queue.
     fn put_back(&self, others: Batch) {
         let mut lanes = self.lanes();
         for other in others.into_iter().rev() {
@@ -149,7 +150,7 @@ impl Queue {
         }
     }
 
-    /// All waiting operations.
+    /// Takes all waiting operations.
     fn drain(&self) -> Batch {
         let mut lanes = self.lanes();
         let Lanes { trials, requests, background, .. } = &mut *lanes;
@@ -157,7 +158,7 @@ impl Queue {
     }
 }
 
-/// The writer's handle.
+/// A handle to the writer thread.
 pub(super) struct Writer {
     queue: Arc<Queue>,
     committed: watch::Sender<u64>,
@@ -201,7 +202,7 @@ impl Writer {
         Ok(Self { queue, committed, observed, thread: Mutex::new(Some(thread)) })
     }
 
-    /// The writer of a file that is opened read-only: it refuses everything.
+    /// The writer of a file that is opened read-only. It refuses every operation.
     pub(super) fn none() -> Self {
         let lanes = Lanes { closed: true, ..Lanes::default() };
         Self {
@@ -238,7 +239,7 @@ impl Writer {
         &self.observed
     }
 
-    /// Number of waiting trials, other requests and jobs.
+    /// Numbers of waiting trials, other requests and background jobs.
     pub(super) fn waiting(&self) -> [usize; 3] {
         let lanes = self.queue.lanes();
         [lanes.trials.len(), lanes.requests.len(), lanes.background.len()]
@@ -284,13 +285,13 @@ struct Thread {
     committed: watch::Sender<u64>,
     observed: Commits,
     file: DatabaseFile,
-    /// The file that was opened first; the thread never writes to another one.
+    /// The file that was opened at the start. The thread never writes to another file.
     original: Arc<Original>,
     /// Readers may have the file open while the writer does not.
     readers: Arc<Readers>,
-    /// None after an error; the next batch opens another connection.
+    /// `None` after an error. The next batch opens another connection.
     db: Option<Connection>,
-    /// Writes the log back when it is long.
+    /// Runs a checkpoint when the log is long.
     log: WriteBack,
     /// Duration of the last commit.
     disk: Duration,
@@ -314,8 +315,8 @@ impl Thread {
                         if self.original.lacks_rescue() {
                             self.original.note_lost(error);
                         }
-                        // Closing it would delete the log, which may belong to another file, or be
-                        // the only copy.
+                        // Closing the connection would delete the log, which may belong to another
+                        // file, or be the only copy of the data.
                         std::mem::forget(self.db.take());
                     }
                     return;
@@ -363,9 +364,9 @@ impl Thread {
         }
     }
 
-    /// Returns whether a row changed. After a failed commit, the connection is replaced: a new one
-    /// is in no failed transaction. A connection to a file that another process has changed stays
-    /// open: it may be the last access to the data.
+    /// Commits a batch. Returns whether a row changed. After a failed commit, the connection is
+    /// replaced, because a new connection has no failed transaction. But if another process has
+    /// changed the file, the connection stays open, because it may be the last access to the data.
     fn commit(&mut self, batch: &mut Batch, trials: usize) -> Result<bool, StoreError> {
         self.original.check_with_log()?;
         let open = match self.db.take() {
@@ -395,7 +396,8 @@ impl Thread {
         db.control("BEGIN IMMEDIATE")?;
         let (first, others) = batch.split_at_mut(trials);
         run_trials(db, first)?;
-        // At least one, and more while there is time: a trial that arrives meanwhile waits for them.
+        // Runs at least one operation, and more while there is time. The time is limited, because a
+        // trial that arrives meanwhile waits for all of them.
         let (begun, mut done) = (Instant::now(), 0);
         for operation in others {
             run(db, &mut **operation)?;
@@ -415,8 +417,8 @@ impl Thread {
         Ok(has_changed)
     }
 
-    /// Rescues the data into another file: all of them, if only the file's name was changed;
-    /// otherwise those that are no longer beside its name.
+    /// Rescues the data into another file. If the content is intact, writes all data. Otherwise
+    /// copies the log if the file is still in place, and the open file with its log if it is not.
     fn rescue(&mut self) {
         if !self.original.lacks_rescue() {
             return;
@@ -434,7 +436,8 @@ impl Thread {
             let (unfinished, name) = (ended(&name, ".part"), ended(&name, end));
             let written = match open {
                 Some(open) => match rescue_all(open, &unfinished) {
-                    // A damaged page stops SQLite; 'sidestep salvage' reads the others.
+                    // SQLite stops at a damaged page, but 'sidestep salvage' can read the other
+                    // pages of a plain copy.
                     Err(StoreError::Corrupt(_)) if !is_in_place => {
                         let _ = std::fs::remove_file(&unfinished);
                         self.rescue_file(&unfinished, &name)
@@ -457,7 +460,7 @@ impl Thread {
                 }
             }
         }
-        // Closing it may delete a log that belongs to another file, or is the only copy.
+        // Closing the reader may delete a log that belongs to another file, or is the only copy of the data.
         std::mem::forget(reader);
     }
 
@@ -521,8 +524,9 @@ fn open(file: &DatabaseFile, original: &Original) -> Result<Connection, StoreErr
     Ok(db)
 }
 
-/// Stores trials together. If one of them fails, each is stored in a savepoint: savepoints would
-/// always cost every trial two statements, and separate statements for its rows.
+/// Stores trials together. If one of them fails, each trial is stored in its own savepoint.
+/// Savepoints are not the default, because they cost two more statements per trial, and separate
+/// statements for the rows of each trial.
 fn run_trials(db: &Connection, trials: &mut [Box<dyn Operation>]) -> Result<(), StoreError> {
     match trials {
         [] => return Ok(()),

@@ -4,7 +4,7 @@ use super::super::connection;
 use super::super::file::DatabaseFile;
 use crate::store::sql;
 
-/// The values that a column accepts.
+/// The type of the values that a column accepts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Integer,
@@ -17,14 +17,14 @@ pub(super) enum Kind {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Column {
     kind: Kind,
-    /// Whether it is NOT NULL.
+    /// Whether the column is NOT NULL.
     is_required: bool,
     /// Whether rows older than the column have a value in it.
     has_default: bool,
 }
 
 impl Column {
-    /// Whether it accepts a value of this serial type.
+    /// Whether the column accepts a value of this serial type.
     fn takes(self, serial_type: u64) -> bool {
         match serial_type {
             0 => !self.is_required,
@@ -38,7 +38,7 @@ impl Column {
 }
 
 pub(super) struct Table {
-    /// The first page of its tree.
+    /// The root page of its b-tree.
     pub(super) root: u32,
     pub(super) columns: Vec<Column>,
 }
@@ -51,9 +51,11 @@ impl Table {
         Self { root: 1, columns: kinds.map(column).to_vec() }
     }
 
-    /// Whether a row can belong to this table. Rows older than a column lack it.
+    /// Whether a row with values of these serial types can belong to this table. A row that is
+    /// older than a column has no value for it.
     pub(super) fn takes(&self, row: &[u64]) -> bool {
-        // Its first value is "view", "table", "index" or "trigger"; these are the serial types of such texts.
+        // The first value of a schema row is "view", "table", "index" or "trigger". The numbers are
+        // the serial types of these texts.
         if self.root == 1 && (row.len() < self.columns.len() || !matches!(row[0], 21 | 23 | 27)) {
             return false;
         }
@@ -64,7 +66,7 @@ impl Table {
     }
 }
 
-/// The tables with row numbers.
+/// The tables with rowids.
 pub(super) fn tables(file: &DatabaseFile) -> sql::Result<Vec<Table>> {
     let query = "SELECT rootpage, info.type, info.\"notnull\" AND NOT info.pk, info.dflt_value IS NOT NULL \
                  FROM sqlite_schema AS own, pragma_table_list(own.name) AS list, pragma_table_xinfo(own.name) AS info \

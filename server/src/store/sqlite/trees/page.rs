@@ -1,22 +1,22 @@
-//! The layout of a tree's page.
+//! The layout of a b-tree page.
 
-/// Length of the file header, which is at the beginning of the first page.
+/// Size of the file header (bytes). The header is at the beginning of the first page.
 pub(super) const HEADER: usize = 100;
 
 pub(super) const INNER: u8 = 5;
 pub(super) const LEAF: u8 = 13;
 
-/// Offset of the tree header in a page.
+/// Offset of the b-tree header in a page.
 pub(super) fn header_in(page: u32) -> usize {
     if page == 1 { HEADER } else { 0 }
 }
 
-/// Number of rows of a leaf page.
+/// Number of rows on a leaf page.
 pub(super) fn rows_in(content: &[u8]) -> usize {
     usize::from(u16::from_be_bytes([content[3], content[4]]))
 }
 
-/// The serial types of the values of a record of this length.
+/// The serial types of the values of a record. Returns `None` if they do not match the record's length.
 pub(super) fn types(record: &[u8], length: u64) -> Option<Vec<u64>> {
     let mut rest = record;
     let head = varint(&mut rest)?;
@@ -39,7 +39,7 @@ pub(super) fn types(record: &[u8], length: u64) -> Option<Vec<u64>> {
     (total == length).then_some(types)
 }
 
-/// The children of an inner page: each page with the number of its last row, and the rightmost page.
+/// The children of an interior page: each page with the rowid of its last row, and the rightmost page.
 pub(super) fn below(header: &[u8], content: &[u8]) -> Option<(Vec<(i64, u32)>, u32)> {
     let count = usize::from(u16::from_be_bytes([*header.get(3)?, *header.get(4)?]));
     let pages = header.get(12..)?.chunks_exact(2).take(count).map(|at| {
@@ -59,7 +59,7 @@ pub(super) fn is_ascending(before: i64, below: &[(i64, u32)], last: i64) -> bool
         .all(|(one, next)| one < next)
 }
 
-/// The inner page above these pages; it replaces the one with this content.
+/// The interior page above these pages. It replaces the page with this content.
 pub(super) fn inner(below: &[(i64, u32)], content: &[u8], header: usize) -> Vec<u8> {
     let mut page = content[..header].to_vec();
     page.resize(content.len(), 0);
