@@ -27,20 +27,32 @@ pub async fn salvage(
                 Salvaged::Lost(row) => lost(row),
                 Salvaged::Study(study) => {
                     let id = study.study_id;
-                    match to.begin_copy(*study).await? {
-                        Ok(target) => drop(targets.insert(id, target)),
-                        Err(refusal) => {
+                    let mut begun = to.begin_copy((*study).clone()).await;
+                    if let Err(error) = &begun
+                        && is_of_a_value(error)
+                        && study.has_functions()
+                    {
+                        // They can be computed again.
+                        let key = format!("of study {}", study.slug);
+                        lost(Lost::new("safety_function", key, error.to_string()));
+                        begun = to.begin_copy(study.without_functions()).await;
+                    }
+                    match begun {
+                        Ok(Ok(target)) => drop(targets.insert(id, target)),
+                        Ok(Err(refusal)) => {
                             lost(Lost::new("study", id.to_string(), format!("{refusal:?}")))
                         }
+                        Err(error) if is_of_a_value(&error) => {
+                            lost(Lost::new("study", id.to_string(), error.to_string()))
+                        }
+                        Err(error) => return Err(error),
                     }
                 }
                 Salvaged::Participant(study, rows) => match targets.get(&study) {
                     Some(&target) => match to.put_participant_copy(target, rows.clone()).await {
-                        // A column does not accept a value.
-                        Err(
-                            StoreError::Defect(_) | StoreError::Corrupt(_) | StoreError::Locked,
-                        ) => {
-                            to.put_rows_apart(target, rows).await?.into_iter().for_each(&mut lost);
+                        Err(error) if is_of_a_value(&error) => {
+                            let refused = to.put_rows_apart(Some(target), rows).await?;
+                            refused.into_iter().for_each(&mut lost);
                         }
                         put => drop(put?),
                     },
@@ -56,7 +68,13 @@ pub async fn salvage(
                         lost(Lost::new("analysis", id, error.to_string()));
                     }
                 }
-                Salvaged::Access(rows) => drop(to.put_access_copy(rows).await?),
+                Salvaged::Access(rows) => match to.put_access_copy(rows.clone()).await {
+                    Err(error) if is_of_a_value(&error) => {
+                        let refused = to.put_rows_apart(None, rows).await?;
+                        refused.into_iter().for_each(&mut lost);
+                    }
+                    put => drop(put?),
+                },
             }
         }
         Ok::<_, StoreError>(())
@@ -80,4 +98,9 @@ pub async fn salvage(
         None => Ok(report),
         Some(first) => Err(StoreError::Defect(format!("the saved data are not sound: {first}"))),
     }
+}
+
+/// Whether the new database did not accept a value of the old one.
+fn is_of_a_value(error: &StoreError) -> bool {
+    matches!(error, StoreError::Defect(_) | StoreError::Corrupt(_) | StoreError::Locked)
 }

@@ -39,6 +39,20 @@ pub struct StudyCopy {
     last_trial: i64,
 }
 
+impl StudyCopy {
+    /// Whether it has value functions.
+    #[must_use]
+    pub fn has_functions(&self) -> bool {
+        !self.safety.is_empty()
+    }
+
+    /// The study without its value functions.
+    #[must_use]
+    pub fn without_functions(self) -> Self {
+        Self { functions: BTreeMap::new(), safety: Vec::new(), ..self }
+    }
+}
+
 /// A participant or an analysis with all rows.
 #[derive(Clone, Debug)]
 pub struct RowsCopy {

@@ -83,16 +83,20 @@ impl Store {
     /// [`StoreError`] if the transaction fails.
     pub async fn put_rows_apart(
         &self,
-        target: CopyTarget,
+        target: Option<CopyTarget>,
         copy: RowsCopy,
     ) -> Result<Vec<Lost>, StoreError> {
-        let locks = [Lock::Studies, Lock::Study(target.study_id), Lock::Analyses];
+        let (tables, study_id, shift) = match target {
+            Some(target) => (PARTICIPANT_TABLES, target.study_id, target.shift),
+            None => (ACCESS_TABLES, 0, 0),
+        };
+        let locks = [Lock::Studies, Lock::Keys, Lock::Study(study_id), Lock::Analyses];
         self.write_behind(locks, move |db| {
             let mut lost = Vec::new();
-            for (table, rows) in PARTICIPANT_TABLES.iter().zip(&copy.tables) {
+            for (table, rows) in tables.iter().zip(&copy.tables) {
                 for row in rows.apart() {
                     db.batch("SAVEPOINT one_row")?;
-                    let Err(error) = insert(db, table, &row, target.study_id, target.shift) else {
+                    let Err(error) = insert(db, table, &row, study_id, shift) else {
                         db.batch("RELEASE SAVEPOINT one_row")?;
                         continue;
                     };
@@ -165,6 +169,7 @@ impl Reader<'_> {
             }
         }
         self.analyses()?;
+        self.lose_dangling()?;
         let mut tables = Vec::new();
         for table in ACCESS_TABLES {
             tables.push(match read(self.db, table, None) {
@@ -406,11 +411,11 @@ impl Reader<'_> {
         }
         let mut configs = Vec::new();
         for hash in self.ids("study_config")? {
-            let json =
-                db.query_row("SELECT json FROM study_config WHERE hash = $1", [&hash], |row| {
-                    row.get::<_, String>(0)
-                });
-            let json = self.unless_lost("study_config", &hash, json.map_err(StoreError::from))?;
+            let query = "SELECT json FROM study_config{} WHERE hash = $1";
+            let json = by_index_or_scan(query, |query| {
+                Ok(db.query_row(query, [&hash], |row| row.get::<_, String>(0))?)
+            });
+            let json = self.unless_lost("study_config", &hash, json)?;
             configs.extend(json.map(|json| (hash, json)));
         }
         if configs.iter().all(|(hash, _)| *hash != config_hash) {
@@ -419,21 +424,24 @@ impl Reader<'_> {
         let (mut functions, mut safety) = (BTreeMap::new(), Vec::new());
         for (hash, _) in &configs {
             let of = || {
-                let query =
-                    "SELECT evader, value_function_id FROM safety_function WHERE config_hash = $1";
-                let mut statement = db.prepare_cached(query)?;
-                let rows = statement.query_map([hash], |row| {
-                    Ok((row.get::<_, String>(0)?, row.get::<_, String>(1)?))
-                })?;
-                Ok::<_, StoreError>(rows.collect::<Result<Vec<_>, _>>()?)
+                let query = "SELECT evader, value_function_id FROM safety_function{} WHERE config_hash = $1";
+                by_index_or_scan(query, |query| {
+                    let mut statement = db.prepare_cached(query)?;
+                    let rows = statement.query_map([hash], |row| {
+                        Ok((row.get::<_, String>(0)?, row.get::<_, String>(1)?))
+                    })?;
+                    Ok(rows.collect::<Result<Vec<_>, _>>()?)
+                })
             };
             let key = format!("of configuration {hash}");
             for (evader, id) in
                 self.unless_lost("safety_function", &key, of())?.into_iter().flatten()
             {
-                let query = "SELECT octets FROM value_function WHERE id = $1";
-                let octets = db.query_row(query, [&id], |row| row.get::<_, Vec<u8>>(0)).optional();
-                let octets = octets.map_err(StoreError::from).and_then(|octets| {
+                let query = "SELECT octets FROM value_function{} WHERE id = $1";
+                let octets = by_index_or_scan(query, |query| {
+                    Ok(db.query_row(query, [&id], |row| row.get::<_, Vec<u8>>(0)).optional()?)
+                });
+                let octets = octets.and_then(|octets| {
                     octets.ok_or_else(|| StoreError::corrupt("there is only a reference to it"))
                 });
                 if let Some(octets) = self.unless_lost("value_function", &id, octets)? {
@@ -460,6 +468,23 @@ impl Reader<'_> {
         }))
     }
 
+    /// Reports rows whose owner is missing. Participants and trials are reported elsewhere.
+    fn lose_dangling(&self) -> Result<(), StoreError> {
+        let query = "SELECT \"table\", coalesce(rowid, -1), parent FROM pragma_foreign_key_check \
+                     WHERE \"table\" NOT IN ('participant', 'trial', 'tally')";
+        let mut statement = self.db.prepare_cached(query)?;
+        let rows = statement.query_map([], |row| {
+            Ok((row.get::<_, String>(0)?, row.get::<_, i64>(1)?, row.get::<_, String>(2)?))
+        });
+        // Damaged pages are reported where their rows are read.
+        let Ok(rows) = rows.and_then(Iterator::collect::<Result<Vec<_>, _>>) else { return Ok(()) };
+        for (table, row, parent) in rows {
+            let why = format!("it refers to nothing in {parent}");
+            self.lose(&table, format!("row {row}"), &why)?;
+        }
+        Ok(())
+    }
+
     /// Sends the analyses that can be read completely. Other analyses can be computed again.
     fn analyses(&self) -> Result<(), StoreError> {
         let ids = texts(self.db, "SELECT id FROM analysis ORDER BY sequence");
@@ -476,6 +501,18 @@ impl Reader<'_> {
             }
         }
         Ok(())
+    }
+}
+
+/// Runs a query that uses an index, or without the index if that is damaged. `{}` in the query is
+/// the place of NOT INDEXED.
+fn by_index_or_scan<T>(
+    query: &str,
+    read: impl Fn(&str) -> Result<T, StoreError>,
+) -> Result<T, StoreError> {
+    match read(&query.replace("{}", "")) {
+        Err(StoreError::Corrupt(_)) => read(&query.replace("{}", " NOT INDEXED")),
+        read => read,
     }
 }
 
