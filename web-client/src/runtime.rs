@@ -185,7 +185,7 @@ pub enum Event {
         /// Whether the page is hidden, for example behind another tab.
         hidden: bool,
     },
-    /// The window has the keyboard again.
+    /// The window regained keyboard focus.
     FocusGained,
     /// The page is no longer hidden.
     Shown,

@@ -162,7 +162,7 @@ fn all_seen(start: Pose, polygon: &[[f64; 2]]) -> Vec<[f64; 2]> {
     polygon.iter().map(|&point| seen(start, point)).collect()
 }
 
-/// The part of the plane that all panels show. It is symmetric to the left and right of the human.
+/// The part of the plane that all panels show. It extends equally far to the human's left and right.
 fn window_of(panels: &[RegionsPanel]) -> Window {
     let tubes = panels.iter().flat_map(|panel| panel.sets.iter().map(move |set| (panel, set)));
     let points = tubes.flat_map(|(panel, set)| all_seen(panel.now.human, &set.tube));

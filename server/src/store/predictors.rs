@@ -55,7 +55,7 @@ pub struct Selection {
     pub limit: i64,
 }
 
-/// A model of a finished analysis, with its relation to a trial.
+/// A model of a finished analysis, and how the analysis used a given trial.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChosenPredictor {
     /// The model and its origin.

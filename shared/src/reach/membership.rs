@@ -212,7 +212,7 @@ impl ReachableSet {
     }
 
     /// For each of the states after steps 1, 2 … (world frame), whether it is reached after its step, as
-    /// in [`Self::contains_state`]. All states share the work limit of one state. A state that is not
+    /// in [`Self::contains_state`]. The work limit for a single state is divided among all states. A state that is not
     /// decided within its share counts as inside.
     ///
     /// # Panics
@@ -248,7 +248,7 @@ impl ReachableSet {
     /// (rad/s). While they satisfy the bounds, the states are reachable by definition. From the first
     /// step whose input violates the bounds, each state must be [inside](Membership::Inside) within
     /// `tolerance`. An open state counts as not inside, so the share of contained trajectories is
-    /// never overestimated. All states share the work limit of one state.
+    /// never overestimated. The work limit for a single state is divided among all states.
     ///
     /// # Panics
     /// If there are more states than [`Self::steps`], or fewer inputs than states.

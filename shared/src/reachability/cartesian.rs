@@ -270,8 +270,8 @@ impl Settings {
 /// well as to l and −g. A change that is too large for any scheme in one stage is an error.
 ///
 /// # Low obstacles
-/// Some obstacles are lower than the target is deep, for example an indicator or a distance in a
-/// larger unit. They make V so flat that its sign can be wrong. [`Solution::shallow`] reports this.
+/// Some obstacles rise less than the target is deep, for example a function that is only −1 or 1, or a
+/// distance in a larger unit than the target's. They make V so flat that its sign can be wrong. [`Solution::shallow`] reports this.
 ///
 /// # Ends of the grid
 /// [`Boundary`](super::Boundary) determines the values beyond an end. Where the flow leaves the

@@ -47,9 +47,9 @@ impl Method {
     }
 }
 
-/// The size of the grid. Each has about twice as many nodes per axis as the previous one. For a
-/// finite horizon, and with the Cartesian method, the grid just contains the states where V is at
-/// most half the radius, as estimated by a draft solve.
+/// The size of the grid. Each has about twice as many nodes per axis as the previous one. If the
+/// horizon is finite or the method is Cartesian, the grid is just large enough for the states where V
+/// is at most half the radius, as estimated by a draft solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]

@@ -200,7 +200,7 @@ impl Count {
         self.0[place] = judged;
     }
 
-    /// The regions from all results so far. They are bit-identical in any order of calls of `put`.
+    /// The regions from all results so far. They are bit-identical whatever the order of the `put` calls.
     ///
     /// # Errors
     /// [`Invalid`] if nothing was counted, or `confidence` is not in (0, 1).

@@ -191,8 +191,8 @@ impl Sessions {
         Ok(())
     }
 
-    /// Records the cluster that answers, and its timeline. Its LSN is not recorded, because a
-    /// promoted standby need not have unacknowledged commits.
+    /// Records the cluster that answers, and its timeline. Its LSN is not recorded: it may
+    /// include commits that are not acknowledged yet, and a standby promoted later may lack them.
     fn note(&self, found: Seen) {
         let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         let bytes = seen.map_or(0, |seen| seen.position.bytes);

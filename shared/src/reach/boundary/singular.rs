@@ -134,11 +134,11 @@ struct Onset {
     rest: f64,
 }
 
-/// The family stops this far, rad or s or as a share, on both sides of a singular extremal, so that
-/// rounding does not put a neighbour on the wrong side.
+/// Half of the gap that the family leaves around a singular extremal (in rad, in s or as a share), so
+/// that rounding does not put a neighbour on the wrong side.
 const GAP: f64 = 1e-12;
 
-/// From this value of p, s, on, rounding does not put a neighbour of a singular extremal on the wrong side.
+/// If p (s) is at least this, rounding does not put a neighbour of a singular extremal on the wrong side.
 const CLEAR: f64 = 1e-12;
 
 /// If no extremal of the family is singular at the end of step `step`, in which straight is

@@ -73,7 +73,7 @@ fn times<'a>(axis: &Axis, speeds: impl Iterator<Item = &'a f64>) -> Vec<f64> {
     let (mut elapsed, mut before) = (0.0, f64::INFINITY);
     speeds
         .map(|&speed| {
-            // 0 at the end itself; infinite where nothing moves.
+            // The first node adds 0, or infinity if its speed is 0.
             let is_still = before == f64::INFINITY && speed == 0.0;
             elapsed += if is_still { f64::INFINITY } else { axis.spacing() / speed.max(before) };
             before = speed;
