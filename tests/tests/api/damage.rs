@@ -157,9 +157,14 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
     assert_eq!(sound["trials"], before.len() - 1);
 
     // If an index is lost, rows are found through their table, and no trial is lost.
-    for index in
-        ["sqlite_autoindex_trial_1", "sqlite_autoindex_scene_2", "sqlite_autoindex_participant_1"]
-    {
+    for index in [
+        "sqlite_autoindex_trial_1",
+        "sqlite_autoindex_scene_2",
+        "sqlite_autoindex_participant_1",
+        "sqlite_autoindex_study_config_1",
+        "sqlite_autoindex_safety_function_1",
+        "sqlite_autoindex_value_function_1",
+    ] {
         let damaged = with_page(&file, "index.db", root_of(&file, index).await, |_| 0);
         let (said, lost) = salvaged(&damaged, &before).await;
         assert!(said.code == Some(0) && lost.is_empty(), "{index}: {}", said.err);
