@@ -5,7 +5,7 @@
 //! the index is damaged, the rows of the table are read in the order of their rowids, and
 //! unreadable pages are skipped.
 
-use super::columns::{ACCESS_TABLES, ANALYSIS_TABLES, PARTICIPANT_TABLES, Table};
+use super::columns::{ACCESS_TABLES, ANALYSIS_TABLES, PARTICIPANT_TABLES, Table, never_use_again};
 use super::rows::{Rows, insert, read, read_where};
 use super::{CopyTarget, RowsCopy, StudyCopy, rows_copy, study_copy, versions};
 use crate::store::lanes::Lock;
@@ -103,6 +103,9 @@ impl Store {
                     db.batch("ROLLBACK TO SAVEPOINT one_row; RELEASE SAVEPOINT one_row")?;
                     let key = row.keys().next().unwrap_or(&copy.id).to_owned();
                     lost.push(Lost::new(table.name, key, error.to_string()));
+                }
+                if target.is_none() {
+                    never_use_again(db, table.name)?;
                 }
             }
             Ok(lost)
