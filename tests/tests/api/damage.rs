@@ -297,6 +297,37 @@ async fn a_trial_that_damage_hides_is_counted() {
     assert!(hidden > 0);
 }
 
+/// Values that a sound database cannot have.
+#[tokio::test]
+async fn a_value_that_the_new_database_refuses_costs_its_own_row() {
+    let folder = Folder::default();
+    let file = collected(&folder).await;
+    let before = trials(&file).await;
+    for (name, change, words) in [
+        (
+            "evader.db",
+            "UPDATE safety_function SET evader = 'nobody' WHERE evader = (SELECT min(evader) FROM safety_function)",
+            "safety_function of study ",
+        ),
+        ("key.db", "UPDATE api_key SET access = 'nobody'", "sidestep: api_key "),
+        (
+            "token.db",
+            "UPDATE participant_token SET participant_id = 'nobody' \
+             WHERE rowid = (SELECT min(rowid) FROM participant_token)",
+            "it refers to nothing in participant",
+        ),
+    ] {
+        let damaged = folder.name(name);
+        std::fs::copy(&file, &damaged).unwrap();
+        let unchecked = "PRAGMA ignore_check_constraints = ON; PRAGMA foreign_keys = OFF";
+        let db = behind(&format!("sqlite:{damaged}"));
+        db.execute(&format!("{unchecked}; {change}")).await.unwrap();
+        let (said, lost) = salvaged(&damaged, &before).await;
+        assert!(lost.is_empty() && said.code == Some(1), "{name}: {}", said.err);
+        assert!(said.err.contains(words), "{name}: {}", said.err);
+    }
+}
+
 #[tokio::test]
 async fn what_cannot_be_salvaged_is_refused() {
     let folder = Folder::default();

@@ -5,8 +5,9 @@ use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
-use std::thread;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
+use std::{iter, thread};
 
 use anyhow::{Context, Result};
 
@@ -32,7 +33,8 @@ const SHOWN_AGAIN: usize = 30;
 /// Polling interval for new output of a part.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// Runs both lanes. Each runs its parts in order, even if some fail. Prints the output of the first lane
+/// Runs both lanes. Each runs its parts in order, even if some fail. When the first lane has ended, the
+/// parts of the second lane run two at a time. Prints the output of the first lane
 /// immediately, and the output of each part of the second lane when that part ends. Also stores all output in
 /// `folder`.
 ///
@@ -42,10 +44,12 @@ pub(super) fn run(waiting: Vec<Part>, computing: Vec<Part>, folder: &Path) -> Re
     fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let computing =
         computing.into_iter().map(|part| Part { command: beneath(part.command), ..part });
-    let computing: Vec<Part> = computing.collect();
+    let computing = Mutex::new(computing);
+    let next = || computing.lock().unwrap_or_else(PoisonError::into_inner).next();
     let failed = thread::scope(|scope| {
-        let beside = scope.spawn(|| lane(computing, folder, false));
-        let mut failed = lane(waiting, folder, true)?;
+        let beside = scope.spawn(|| lane(iter::from_fn(next), folder, false));
+        let mut failed = lane(waiting.into_iter(), folder, true)?;
+        failed.extend(lane(iter::from_fn(next), folder, false)?);
         let beside = beside.join().map_err(|_| anyhow::anyhow!("a lane of tests panicked"))?;
         failed.extend(beside?);
         anyhow::Ok(failed)
@@ -62,7 +66,11 @@ pub(super) fn run(waiting: Vec<Part>, computing: Vec<Part>, folder: &Path) -> Re
 }
 
 /// Runs one lane and returns the name and the output of each failed part.
-fn lane(parts: Vec<Part>, folder: &Path, at_once: bool) -> Result<Vec<(String, String)>> {
+fn lane(
+    parts: impl Iterator<Item = Part>,
+    folder: &Path,
+    at_once: bool,
+) -> Result<Vec<(String, String)>> {
     let mut failed = Vec::new();
     for Part { name, mut command } in parts {
         eprintln!("==> {name}");
