@@ -20,7 +20,7 @@ pub struct Report {
     /// Number of trials with a flag other than `imported`. Such trials are not faulty.
     pub flagged: usize,
     /// Damaged pages, references to rows that do not exist, tallies that do not match the trials,
-    /// and studies whose configuration cannot be read.
+    /// altered configurations and value functions, and studies whose configuration cannot be read.
     pub damage: Vec<String>,
     /// Trials that cannot be read or that differ from the stored results.
     pub wrong: Vec<Wrong>,
@@ -103,7 +103,7 @@ pub async fn report(store: &Store) -> Result<Report, StoreError> {
 }
 
 /// Faults of a database outside its trials: damaged pages, references to rows that do not exist,
-/// and tallies that do not match the trials.
+/// tallies that do not match the trials, and altered configurations or value functions.
 ///
 /// # Errors
 /// [`StoreError`] if the database cannot be read.
@@ -114,6 +114,7 @@ pub async fn damage_of_database(store: &Store) -> Result<Vec<String>, StoreError
     let wrong_tally =
         |id| format!("participant {id}: the tally does not follow from what is stored");
     damage.extend(wrong.into_iter().map(wrong_tally));
+    damage.extend(report.read("configurations and value functions", store.altered().await)?);
     damage.append(&mut report.damage);
     Ok(damage)
 }
@@ -288,7 +289,8 @@ mod tests {
             let change = sqlx::query("UPDATE study_config SET json = ?1").bind(json);
             change.execute(&mut db).await.unwrap();
             let found = report(&store).await.unwrap();
-            let [what] = &found.damage[..] else { panic!("{found:?}") };
+            let [altered, what] = &found.damage[..] else { panic!("{found:?}") };
+            assert!(altered.ends_with("its content was altered"), "{altered}");
             assert!(what.starts_with("study default: configuration "), "{what}");
         }
     }

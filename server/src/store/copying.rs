@@ -13,7 +13,7 @@ pub mod salvage;
 
 use super::analyses;
 use super::lanes::Lock;
-use super::sql::{Connection, OptionalExtension, params};
+use super::sql::{Connection, OptionalExtension, Value, params};
 use super::{Store, StoreError};
 use columns::{ANALYSIS_TABLES, PARTICIPANT_TABLES, Table};
 use rows::{Rows, insert, read};
@@ -90,6 +90,12 @@ impl RowsCopy {
     fn number(&self, column: &str) -> Option<i64> {
         let first = PARTICIPANT_TABLES.iter().zip(&self.tables).next();
         first.and_then(|(table, rows)| rows.number(table, column))
+    }
+
+    /// The hash of a participant's configuration.
+    fn config_hash(&mut self) -> Option<&mut Value<'static>> {
+        let (table, rows) = PARTICIPANT_TABLES.iter().zip(&mut self.tables).next()?;
+        rows.value_mut(table, "config_hash")
     }
 
     /// The keys of a participant's rows in a table.

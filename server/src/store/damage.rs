@@ -1,5 +1,6 @@
 //! Damage that the database finds in its own file.
 
+use super::studies::key_of;
 use super::{Database, Store, StoreError};
 use std::collections::BTreeMap;
 
@@ -22,6 +23,37 @@ impl Store {
             .flat_map(|found| found.lines())
             .filter_map(|line| told(line, &names))
             .collect())
+    }
+
+    /// Configurations and value functions that were altered: their keys are the SHA-256 of their content.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub async fn altered(&self) -> Result<Vec<String>, StoreError> {
+        self.read_long(|db| {
+            let mut altered = Vec::new();
+            let mut compare = |what: &str, key: String, content: &[u8]| {
+                if key_of(content) != key {
+                    altered.push(format!("{what} {key}: its content was altered"));
+                }
+            };
+            let mut statement = db.prepare_cached("SELECT hash, json FROM study_config")?;
+            let rows =
+                statement.query_map([], |row| Ok((row.get(0)?, row.get::<_, String>(1)?)))?;
+            for row in rows {
+                let (key, json) = row?;
+                compare("configuration", key, json.as_bytes());
+            }
+            let mut statement = db.prepare_cached("SELECT id FROM value_function")?;
+            let ids = statement.query_map([], |row| row.get::<_, String>(0))?;
+            for id in ids.collect::<Result<Vec<_>, _>>()? {
+                let query = "SELECT octets FROM value_function WHERE id = $1";
+                let bytes = db.query_row(query, [&id], |row| row.get::<_, Vec<u8>>(0))?;
+                compare("value function", id, &bytes);
+            }
+            Ok(altered)
+        })
+        .await
     }
 
     /// Names of tables and indices by the root pages of their b-trees.

@@ -233,6 +233,11 @@ pub(super) fn find(db: &Connection, slug: &str) -> Result<Option<StoredStudy>, S
     Ok(Some(StoredStudy { id, slug, config, config_hash }))
 }
 
+/// The key of a configuration or a value function: SHA-256 of its content, in hexadecimal digits.
+pub(super) fn key_of(content: &[u8]) -> String {
+    hex::encode(Sha256::digest(content))
+}
+
 fn config(db: &Connection, hash: &str) -> Result<StudyConfig, StoreError> {
     let mut statement = db.prepare_cached("SELECT json FROM study_config WHERE hash = $1")?;
     let json: String = statement.query_row([hash], |row| row.get(0))?;
@@ -262,7 +267,7 @@ pub(super) fn put(
         return Ok(known);
     }
     let json = serde_json::to_string(&**new).map_err(StoreError::corrupt)?;
-    let hash = hex::encode(Sha256::digest(json.as_bytes()));
+    let hash = key_of(json.as_bytes());
     db.execute(
         "INSERT INTO study_config (hash, json) VALUES ($1, $2) ON CONFLICT (hash) DO NOTHING",
         params![hash, json],

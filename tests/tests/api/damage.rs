@@ -196,6 +196,23 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
         let (said, lost) = salvaged(&damaged, &before).await;
         assert!(lost.is_empty(), "page {page}: {}", said.err);
     }
+    // The same holds if only a sector of such a page is lost, or another page was written over it.
+    let schema = schema_leaves(&file)[0];
+    for page in [schema, root_of(&file, "mark").await, root_of(&file, "_sqlx_migrations").await] {
+        for sector in [0..512, PAGE - 512..PAGE] {
+            let damaged = with_page(&file, "sector.db", page, |at| match sector.contains(&at) {
+                true => 0,
+                false => content[page * PAGE + at],
+            });
+            let (said, lost) = salvaged(&damaged, &before).await;
+            assert!(lost.is_empty(), "page {page} without {sector:?}: {}", said.err);
+        }
+        for other in [leaf, root_of(&file, "study").await] {
+            let damaged = with_page(&file, "over.db", page, |at| content[other * PAGE + at]);
+            let (said, lost) = salvaged(&damaged, &before).await;
+            assert!(lost.is_empty(), "page {other} over page {page}: {}", said.err);
+        }
+    }
     // In a file with another layout, the root pages of the lost tables are unknown.
     let moved = folder.name("moved.db");
     std::fs::copy(&file, &moved).unwrap();
@@ -223,6 +240,40 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
     let short = folder.file("short.db", &content[..content.len() * 9 / 10 / PAGE * PAGE - 7]);
     let (said, lost) = salvaged(&short, &before).await;
     assert!(said.code == Some(1) && lost.len() < before.len() / 2, "{}: {}", lost.len(), said.err);
+}
+
+/// The keys of configurations and value functions are hashes of their content.
+#[tokio::test]
+async fn altered_configurations_and_value_functions_are_named() {
+    let folder = Folder::default();
+    let file = collected(&folder).await;
+    let before = trials(&file).await;
+    let of_imported = "(SELECT config_hash FROM study WHERE slug = 'imported')";
+    let altered = async |change: String| {
+        let name = folder.name("altered.db");
+        std::fs::copy(&file, &name).unwrap();
+        behind(&format!("sqlite:{name}")).execute(&change).await.unwrap();
+        let check = run(&["check", "--database", &format!("sqlite:{name}")]).await;
+        assert!(check.code == Some(1) && check.out.contains("altered"), "{change}: {}", check.out);
+        let (said, lost) = salvaged(&name, &before).await;
+        assert!(names_all(&said, &lost), "{}", said.err);
+        (said, lost)
+    };
+    // Such a configuration still gives the trials, and gets the hash of its content.
+    let title = format!(
+        "UPDATE study_config SET json = replace(json, '\"title\":\"', '\"title\":\"X') \
+         WHERE hash = {of_imported}"
+    );
+    let (said, lost) = altered(title).await;
+    assert!(lost.is_empty() && said.err.contains("altered, and is saved as"), "{}", said.err);
+    let unreadable = format!("UPDATE study_config SET json = '{{' WHERE hash = {of_imported}");
+    let (said, lost) = altered(unreadable).await;
+    assert!(lost.len() == before.len() - 4 * 5, "the other study is saved");
+    assert!(said.err.contains("sidestep: study_config "), "{}", said.err);
+    let function = "UPDATE value_function SET octets = octets || x'00'".to_owned();
+    let (said, lost) = altered(function).await;
+    let functions = said.err.lines().filter(|line| line.contains("value_function")).count();
+    assert!(lost.is_empty() && functions > 0, "{}", said.err);
 }
 
 #[tokio::test]

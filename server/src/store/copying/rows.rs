@@ -40,6 +40,12 @@ impl Rows {
         })
     }
 
+    /// A value in the single row of the table.
+    pub(super) fn value_mut(&mut self, table: &Table, column: &str) -> Option<&mut Value<'static>> {
+        let place = table.columns.iter().position(|(name, _)| *name == column)?;
+        self.rows.first_mut()?.get_mut(place)
+    }
+
     /// An integer, or a Boolean as 1 or 0, in the single row of the table.
     pub(super) fn number(&self, table: &Table, column: &str) -> Option<i64> {
         let place = table.columns.iter().position(|(name, _)| *name == column)?;

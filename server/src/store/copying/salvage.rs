@@ -9,10 +9,12 @@ use super::columns::{ACCESS_TABLES, ANALYSIS_TABLES, PARTICIPANT_TABLES, Table, 
 use super::rows::{Rows, insert, read, read_where};
 use super::{CopyTarget, RowsCopy, StudyCopy, rows_copy, study_copy, versions};
 use crate::store::lanes::Lock;
-use crate::store::sql::{Connection, OptionalExtension, params};
+use crate::store::sql::{Connection, OptionalExtension, Params, Value, params};
+use crate::store::studies::key_of;
 use crate::store::{Store, StoreError};
 use serde::Serialize;
-use std::collections::{BTreeMap, HashMap, HashSet};
+use sidestep::study::StudyConfig;
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::fmt;
 use tokio::sync::mpsc;
 
@@ -56,12 +58,23 @@ impl fmt::Display for Lost {
 }
 
 impl RowsCopy {
-    /// A participant and their trials, all lost for the same reason.
+    /// A participant and their rows, all lost for the same reason. Each trial is named. Rows without
+    /// names are counted.
     pub fn rows_lost(&self, why: &str) -> impl Iterator<Item = Lost> {
-        let own = Lost::new("participant", &*self.id, why);
-        let trials = self.keys("trial").map(move |trial_id| Lost::new("trial", trial_id, why));
-        std::iter::once(own).chain(trials)
+        PARTICIPANT_TABLES.iter().zip(&self.tables).flat_map(move |(table, rows)| {
+            let keys: Vec<String> = match table.name {
+                "participant" | "trial" => rows.keys().map(str::to_owned).collect(),
+                "tally" => Vec::new(),
+                _ => counted(rows.len(), &self.id).into_iter().collect(),
+            };
+            keys.into_iter().map(move |key| Lost::new(table.name, key, why))
+        })
     }
+}
+
+/// The key of rows of a participant that have no names.
+fn counted(rows: usize, participant: &str) -> Option<String> {
+    (rows > 0).then(|| format!("({rows} of participant {participant})"))
 }
 
 impl Store {
@@ -71,8 +84,8 @@ impl Store {
     /// [`StoreError`] if the file cannot be read at all, or the receiver is dropped.
     pub async fn salvage(&self, out: mpsc::Sender<Salvaged>) -> Result<(), StoreError> {
         self.read_long(move |db| {
-            let (walks, seen) = (HashMap::new(), HashSet::new());
-            Reader { db, out, walks, seen }.run()
+            let (walks, seen, configs) = (HashMap::new(), HashSet::new(), HashMap::new());
+            Reader { db, out, walks, seen, configs }.run()
         })
         .await
     }
@@ -133,6 +146,8 @@ struct Reader<'a> {
     walks: HashMap<&'static str, Walk>,
     /// Trials that were read or reported as lost.
     seen: HashSet<String>,
+    /// The hash of each configuration that was read: as stored, and as its content gives it.
+    configs: HashMap<String, String>,
 }
 
 /// The columns with the key of a row, and with its owner.
@@ -140,7 +155,7 @@ fn key_and_owner(table: &str) -> [&'static str; 2] {
     match table {
         "study" => ["slug", "slug"],
         "study_config" => ["hash", "hash"],
-        "participant" => ["id", "id"],
+        "participant" | "analysis" => ["id", "id"],
         "trial" => ["trial_id", "trial_id"],
         "scene" => ["ordinal", "participant_id"],
         "participant_token" | "note" | "exclusion" => ["rowid", "participant_id"],
@@ -159,7 +174,22 @@ impl Reader<'_> {
             }
         }
         for id in self.ids("participant")? {
-            if let Some(rows) = self.participant(&id)? {
+            if let Some(mut rows) = self.participant(&id)? {
+                let lost = match rows.config_hash() {
+                    Some(Value::Text(hash)) => match self.configs.get(&**hash) {
+                        Some(saved) => {
+                            *hash = saved.clone().into();
+                            None
+                        }
+                        None => Some(hash.to_string()),
+                    },
+                    _ => Some(String::new()),
+                };
+                if let Some(hash) = lost {
+                    let why = format!("the configuration {hash} is lost");
+                    rows.rows_lost(&why).try_for_each(|lost| self.send(Salvaged::Lost(lost)))?;
+                    continue;
+                }
                 let study = "SELECT study_id FROM participant WHERE rowid = $1";
                 let rowid = self.rowids("participant", &id)?.first().map_or(0, |(rowid, _)| *rowid);
                 let study_id = self.db.query_row(study, [rowid], |row| row.get(0))?;
@@ -232,7 +262,7 @@ impl Reader<'_> {
     ) -> Result<Vec<(i64, String)>, StoreError> {
         let [key, column] = key_and_owner(table);
         let query = format!("SELECT rowid, CAST({key} AS TEXT) FROM {table} WHERE {column} = $1");
-        match numbered(self.db, &query, owner) {
+        match numbered(self.db, &query, [owner]) {
             Err(StoreError::Corrupt(_)) => {}
             found => return found,
         }
@@ -367,13 +397,20 @@ impl Reader<'_> {
                 }
             }
             let is_lost = tables.first().is_some_and(|own| own.len() == 0);
-            match table.name {
-                "trial" if is_lost => {
-                    for (_, trial_id) in &rowids {
-                        self.lose("trial", &**trial_id, &format!("participant {id} is lost"))?;
-                    }
+            let rows = match is_lost && table.name != "scene" {
+                true => Rows::default(),
+                false => self.rows(table, &rowids)?,
+            };
+            tables.push(rows);
+            if is_lost {
+                let why = format!("participant {id} is lost");
+                let keys: Vec<String> = match table.name {
+                    "trial" => rowids.iter().map(|(_, trial_id)| trial_id.clone()).collect(),
+                    _ => counted(rowids.len(), id).into_iter().collect(),
+                };
+                for key in keys {
+                    self.lose(table.name, key, &why)?;
                 }
-                _ => tables.push(self.rows(table, &rowids)?),
             }
             match table.name {
                 "scene" => scenes = tables[tables.len() - 1].keys().map(str::to_owned).collect(),
@@ -387,10 +424,62 @@ impl Reader<'_> {
 
     /// A study, with its configurations and value functions as far as they can be read.
     fn study(&mut self, slug: &str) -> Result<Option<StudyCopy>, StoreError> {
-        match study_copy(self.db, slug) {
-            Err(StoreError::Corrupt(_)) => {}
-            found => return found,
+        let read = match study_copy(self.db, slug) {
+            Err(StoreError::Corrupt(_)) => self.parts_of_study(slug)?,
+            found => found?,
+        };
+        let Some(mut study) = read else { return Ok(None) };
+        let numbers: HashSet<i64> = study.versions.iter().map(|(number, ..)| *number).collect();
+        let last = numbers.iter().max().copied().unwrap_or(1);
+        for number in (1..=last).filter(|number| !numbers.contains(number)) {
+            self.lose("study_version", format!("{number} of {slug}"), "it cannot be read")?;
         }
+        if study.versions.is_empty() {
+            // A study has at least one version. This one is read like any other.
+            study.versions.push((1, study.config_hash.clone(), study.created_at_ms, false));
+        }
+        for (hash, json) in std::mem::take(&mut study.configs) {
+            if let Err(error) = serde_json::from_str::<StudyConfig>(&json) {
+                self.lose("study_config", hash, &format!("it is damaged: {error}"))?;
+                continue;
+            }
+            let saved = key_of(json.as_bytes());
+            if saved != hash && !self.configs.contains_key(&hash) {
+                let why = format!("it was altered, and is saved as {saved}");
+                self.lose("study_config", &*hash, &why)?;
+            }
+            self.configs.insert(hash, saved.clone());
+            study.configs.push((saved, json));
+        }
+        let saved = |hash: &mut String| match self.configs.get(hash) {
+            Some(saved) => {
+                hash.clone_from(saved);
+                true
+            }
+            None => false,
+        };
+        study.versions.retain_mut(|(_, hash, ..)| saved(hash));
+        study.safety.retain_mut(|(hash, ..)| saved(hash));
+        if !saved(&mut study.config_hash) {
+            let Some((_, hash, ..)) = study.versions.last() else {
+                return self.lose("study", slug, "its configuration is lost").map(|()| None);
+            };
+            study.config_hash.clone_from(hash);
+            let why = "its last configuration is lost; an earlier one takes its place";
+            self.lose("study", slug, why)?;
+        }
+        for (id, bytes) in std::mem::take(&mut study.functions) {
+            match key_of(&bytes) == id {
+                true => drop(study.functions.insert(id, bytes)),
+                false => self.lose("value_function", id, "it was altered")?,
+            }
+        }
+        study.safety.retain(|(.., id)| study.functions.contains_key(id));
+        Ok(Some(study))
+    }
+
+    /// A study of which some rows cannot be read.
+    fn parts_of_study(&mut self, slug: &str) -> Result<Option<StudyCopy>, StoreError> {
         let db = self.db;
         let Some(&(study_id, _)) = self.rowids("study", slug)?.first() else { return Ok(None) };
         let own = "SELECT config_hash, created_at_ms FROM study WHERE id = $1";
@@ -398,7 +487,7 @@ impl Reader<'_> {
             Ok((row.get::<_, String>(0)?, row.get::<_, i64>(1)?))
         });
         let versions = self.unless_lost("study_version", slug, versions(db, study_id))?;
-        let mut versions = versions.unwrap_or_default();
+        let versions = versions.unwrap_or_default();
         let (config_hash, created_at_ms) = match (own.map_err(StoreError::from), &versions[..]) {
             // The versions have the same data as the row.
             (Err(StoreError::Corrupt(_)), [(_, _, created_at_ms, _), ..]) => {
@@ -409,49 +498,40 @@ impl Reader<'_> {
                 None => return Ok(None),
             },
         };
-        if versions.is_empty() {
-            versions.push((1, config_hash.clone(), created_at_ms, false));
-        }
         let mut configs = Vec::new();
         for hash in self.ids("study_config")? {
-            let query = "SELECT json FROM study_config{} WHERE hash = $1";
-            let json = by_index_or_scan(query, |query| {
-                Ok(db.query_row(query, [&hash], |row| row.get::<_, String>(0))?)
-            });
-            let json = self.unless_lost("study_config", &hash, json)?;
+            let query = "SELECT json FROM study_config WHERE hash = $1";
+            let json = db.query_row(query, [&hash], |row| row.get::<_, String>(0));
+            let json = self.unless_lost("study_config", &hash, json.map_err(StoreError::from))?;
             configs.extend(json.map(|json| (hash, json)));
-        }
-        if configs.iter().all(|(hash, _)| *hash != config_hash) {
-            return self.lose("study", slug, "its configuration is lost").map(|()| None);
         }
         let (mut functions, mut safety) = (BTreeMap::new(), Vec::new());
         for (hash, _) in &configs {
+            let query =
+                "SELECT evader, value_function_id FROM safety_function WHERE config_hash = $1";
             let of = || {
-                let query = "SELECT evader, value_function_id FROM safety_function{} WHERE config_hash = $1";
-                by_index_or_scan(query, |query| {
-                    let mut statement = db.prepare_cached(query)?;
-                    let rows = statement.query_map([hash], |row| {
-                        Ok((row.get::<_, String>(0)?, row.get::<_, String>(1)?))
-                    })?;
-                    Ok(rows.collect::<Result<Vec<_>, _>>()?)
-                })
+                let mut statement = db.prepare_cached(query)?;
+                let rows = statement.query_map([hash], |row| {
+                    Ok((row.get::<_, String>(0)?, row.get::<_, String>(1)?))
+                })?;
+                Ok(rows.collect::<Result<Vec<_>, _>>()?)
             };
             let key = format!("of configuration {hash}");
             for (evader, id) in
                 self.unless_lost("safety_function", &key, of())?.into_iter().flatten()
             {
-                let query = "SELECT octets FROM value_function{} WHERE id = $1";
-                let octets = by_index_or_scan(query, |query| {
-                    Ok(db.query_row(query, [&id], |row| row.get::<_, Vec<u8>>(0)).optional()?)
-                });
-                let octets = octets.and_then(|octets| {
-                    octets.ok_or_else(|| StoreError::corrupt("there is only a reference to it"))
-                });
-                if let Some(octets) = self.unless_lost("value_function", &id, octets)? {
-                    safety.push((hash.clone(), evader, id.clone()));
-                    functions.insert(id, octets);
-                }
+                safety.push((hash.clone(), evader, id));
             }
+        }
+        let ids: BTreeSet<&String> = safety.iter().map(|(.., id)| id).collect();
+        for id in ids {
+            let query = "SELECT octets FROM value_function WHERE id = $1";
+            let bytes = db.query_row(query, [id], |row| row.get::<_, Vec<u8>>(0)).optional();
+            let bytes = bytes.map_err(StoreError::from).and_then(|bytes| {
+                bytes.ok_or_else(|| StoreError::corrupt("there is only a reference to it"))
+            });
+            let bytes = self.unless_lost("value_function", id, bytes)?;
+            functions.extend(bytes.map(|bytes| (id.clone(), bytes)));
         }
         let last_trial = match self.last("trial") {
             i64::MAX => 0,
@@ -471,15 +551,32 @@ impl Reader<'_> {
         }))
     }
 
-    /// Reports rows whose owner is missing. Participants and trials are reported elsewhere.
+    /// Reports rows whose owner is missing. Trials are reported elsewhere.
     fn lose_dangling(&self) -> Result<(), StoreError> {
+        let mut missing = BTreeSet::new();
+        for table in ["participant_token", "scene", "note", "exclusion", "tally"] {
+            let query = format!(
+                "SELECT count(*), participant_id FROM {table} \
+                 WHERE participant_id NOT IN (SELECT id FROM participant) GROUP BY participant_id"
+            );
+            // Damaged pages are reported where their rows are read.
+            for (rows, id) in numbered(self.db, &query, []).unwrap_or_default() {
+                let key = counted(usize::try_from(rows).unwrap_or(0), &id);
+                if let Some(key) = key.filter(|_| table != "tally") {
+                    self.lose(table, key, &format!("participant {id} is lost"))?;
+                }
+                missing.insert(id);
+            }
+        }
+        for id in missing {
+            self.lose("participant", id, "only rows that refer to it are left")?;
+        }
         let query = "SELECT \"table\", coalesce(rowid, -1), parent FROM pragma_foreign_key_check \
-                     WHERE \"table\" NOT IN ('participant', 'trial', 'tally')";
+                     WHERE parent <> 'participant' AND \"table\" NOT IN ('participant', 'trial')";
         let mut statement = self.db.prepare_cached(query)?;
         let rows = statement.query_map([], |row| {
             Ok((row.get::<_, String>(0)?, row.get::<_, i64>(1)?, row.get::<_, String>(2)?))
         });
-        // Damaged pages are reported where their rows are read.
         let Ok(rows) = rows.and_then(Iterator::collect::<Result<Vec<_>, _>>) else { return Ok(()) };
         for (table, row, parent) in rows {
             let why = format!("it refers to nothing in {parent}");
@@ -489,9 +586,12 @@ impl Reader<'_> {
     }
 
     /// Sends the analyses that can be read completely. Other analyses can be computed again.
-    fn analyses(&self) -> Result<(), StoreError> {
-        let ids = texts(self.db, "SELECT id FROM analysis ORDER BY sequence");
-        for id in self.unless_lost("analysis", "list", ids)?.into_iter().flatten() {
+    fn analyses(&mut self) -> Result<(), StoreError> {
+        let ids = match texts(self.db, "SELECT id FROM analysis ORDER BY sequence") {
+            Err(StoreError::Corrupt(_)) => self.ids("analysis")?,
+            ids => ids?,
+        };
+        for id in ids {
             let study =
                 self.db.query_row("SELECT study_id FROM analysis WHERE id = $1", [&id], |row| {
                     row.get::<_, i64>(0)
@@ -507,24 +607,16 @@ impl Reader<'_> {
     }
 }
 
-/// Runs a query that uses an index, or without the index if that is damaged. `{}` in the query is
-/// the place of NOT INDEXED.
-fn by_index_or_scan<T>(
-    query: &str,
-    read: impl Fn(&str) -> Result<T, StoreError>,
-) -> Result<T, StoreError> {
-    match read(&query.replace("{}", "")) {
-        Err(StoreError::Corrupt(_)) => read(&query.replace("{}", " NOT INDEXED")),
-        read => read,
-    }
-}
-
 fn texts(db: &Connection, query: &str) -> Result<Vec<String>, StoreError> {
     Ok(db.prepare_cached(query)?.query_map([], |row| row.get(0))?.collect::<Result<_, _>>()?)
 }
 
-fn numbered(db: &Connection, query: &str, of: &str) -> Result<Vec<(i64, String)>, StoreError> {
+fn numbered(
+    db: &Connection,
+    query: &str,
+    of: impl Params,
+) -> Result<Vec<(i64, String)>, StoreError> {
     let mut statement = db.prepare_cached(query)?;
-    let rows = statement.query_map([of], |row| Ok((row.get(0)?, row.get(1)?)))?;
+    let rows = statement.query_map(of, |row| Ok((row.get(0)?, row.get(1)?)))?;
     Ok(rows.collect::<Result<_, _>>()?)
 }

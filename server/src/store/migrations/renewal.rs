@@ -1,6 +1,6 @@
 //! Repairs the parts of a damaged SQLite file that are the same in every database of this version.
 
-use super::{Failure, SQLITE, TABLE, check, record_all};
+use super::{Failure, SQLITE, State, TABLE, check, record_all};
 use crate::store::error::StoreError;
 use crate::store::misfit::Misfit;
 use crate::store::sql::{self, Connection, params};
@@ -36,8 +36,11 @@ pub(in crate::store) fn renew(db: &Connection, like: &Connection) -> Result<(), 
             read.query_map([], |_| Ok(())).and_then(Iterator::collect::<sql::Result<Vec<_>>>);
         Ok::<_, sql::Error>(rows.is_err_and(|error| matches!(error.into(), StoreError::Corrupt(_))))
     };
-    let is_other = matches!(check(db), Err(Failure::Misfit(Misfit::Other(_))));
-    let lost = [is_lost(MARK)?, is_lost(TABLE)? || is_other];
+    let marks = "SELECT count(*) FROM mark WHERE text GLOB 'sidestep mark *'";
+    let is_marked = db.query_row(marks, [], |row| row.get::<_, i64>(0)).unwrap_or(0) == 1;
+    let is_known =
+        matches!(check(db), Ok(State::Current) | Err(Failure::Misfit(Misfit::Newer { .. })));
+    let lost = [!is_marked || is_lost(MARK)?, !is_known || is_lost(TABLE)?];
     for (table, is_lost) in [MARK, TABLE].into_iter().zip(lost) {
         if is_lost {
             db.batch(&format!(

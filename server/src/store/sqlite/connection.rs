@@ -120,14 +120,37 @@ pub(super) fn reading(file: &DatabaseFile, is_untouched: bool) -> Result<Connect
     open(&options.read_only(is_fixed || is_untouched).immutable(is_fixed))
 }
 
-/// Rebuilds the indices of all tables that can be read completely.
+/// Rebuilds the indices of all tables that can be read completely. The connection must be one for
+/// mending. If a table has lost rows, its indices stay as they are, because they may still contain
+/// the keys of these rows.
 pub(super) fn renew_indices(db: &Connection) -> Result<()> {
-    let query = "SELECT 'REINDEX ' || quote(name) FROM sqlite_schema WHERE type = 'index'";
+    const PUT: &str = "UPDATE sqlite_schema SET rootpage = \
+                           (SELECT rootpage FROM sqlite_schema WHERE name = 'renewed') WHERE name = $1";
+    let query = "SELECT name, printf('\"%w\"', name), printf('\"%w\"', tbl_name), coalesce(sql, ''), \
+                     (SELECT group_concat(printf('\"%w\"', key.name)) FROM pragma_index_info(own.name) AS key) \
+                 FROM sqlite_schema AS own WHERE type = 'index'";
     let mut statement = db.prepare_cached(query)?;
-    let names = statement.query_map([], |row| row.get::<_, String>(0))?;
-    for renewing in names.collect::<Result<Vec<_>>>()? {
-        // If a table has lost rows, its index stays as it is, because it may still contain their keys.
-        let _ = db.batch(&renewing);
+    let indices = statement.query_map([], |row| {
+        let texts: [String; 4] = [row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?];
+        Ok((texts, row.get::<_, Option<String>>(4)?))
+    })?;
+    for ([name, quoted, table, made_by], columns) in indices.collect::<Result<Vec<_>>>()? {
+        let Some(columns) = columns.filter(|_| db.batch(&format!("REINDEX {quoted}")).is_err())
+        else {
+            continue;
+        };
+        // SQLite cannot clear an index with damaged pages, so a new one takes its place.
+        let make = match &*made_by {
+            "" => format!("CREATE UNIQUE INDEX renewed ON {table} ({columns})"),
+            text => text.replacen(&format!("INDEX {name} "), "INDEX renewed ", 1),
+        };
+        if db.batch(&make).is_ok() {
+            db.execute(PUT, [name])?;
+            db.batch(
+                "DELETE FROM sqlite_schema WHERE name = 'renewed'; PRAGMA writable_schema = RESET; \
+                 PRAGMA writable_schema = ON",
+            )?;
+        }
     }
     Ok(())
 }

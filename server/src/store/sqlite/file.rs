@@ -12,9 +12,6 @@ use tempfile::TempDir;
 /// The first bytes of every SQLite file.
 pub const MAGIC: &[u8; 16] = b"SQLite format 3\0";
 
-/// The first bytes of a rollback journal.
-const JOURNAL: [u8; 8] = [0xd9, 0xd5, 0x05, 0xf9, 0x20, 0xa1, 0x63, 0xd7];
-
 /// The free space (bytes) below which the server reports that it is not ready.
 pub const LEAST_FREE_BYTES: u64 = 4 << 20;
 
@@ -101,13 +98,14 @@ impl DatabaseFile {
             ));
         }
         let journal = self.beside("-journal");
-        let mut magic = [0; 8];
-        let is_journal = File::open(&journal).and_then(|mut file| file.read_exact(&mut magic));
-        (is_journal.is_ok() && magic == JOURNAL).then(|| {
+        let mut first = [0];
+        // SQLite ignores a journal whose first byte is 0.
+        let is_journal = File::open(&journal).and_then(|mut file| file.read_exact(&mut first));
+        (is_journal.is_ok() && first != [0]).then(|| {
             format!(
-                "{} is a rollback journal, which SQLite would write into the database; Sidestep uses none: if another \
-                 program was interrupted while it changed this file, open the file with that program first; otherwise \
-                 the journal belongs to another database: move it away",
+                "{} has the name of a rollback journal, which SQLite would write into the database; Sidestep uses none: \
+                 if another program was interrupted while it changed this file, open the file with that program first; \
+                 otherwise the journal belongs to another database: move it away",
                 journal.display()
             )
         })

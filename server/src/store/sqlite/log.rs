@@ -9,9 +9,13 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::os::unix::fs::FileExt;
 use std::path::Path;
+use std::time::Duration;
 
 const HEADER: usize = 32;
 const FRAME: usize = 24;
+
+/// The first bytes of a log. The last bit of the next byte gives the byte order of the checksums.
+const MAGIC: [u8; 3] = [0x37, 0x7f, 0x06];
 
 /// The page size assumed if it is unknown (bytes).
 pub(super) const PAGE: usize = 4096;
@@ -60,13 +64,12 @@ impl Frames {
         if !read_whole(&mut log, &mut header)? {
             return Ok(None);
         }
-        let mut sum = Checksum::of(&header);
-        sum.add(&header[..24]);
-        let length = number(&header[8..]) as usize;
-        let is_sound = matches!(header[..4], [0x37, 0x7f, 0x06, 0x82 | 0x83])
-            && (512..=65_536).contains(&length)
-            && sum.is(&header[24..]);
-        let length = if is_sound { length } else { page.unwrap_or(PAGE) };
+        let sound = Checksum::of_header(&header);
+        let (sum, is_sound) = (sound.unwrap_or(Checksum::of(&header)), sound.is_some());
+        let length = match is_sound {
+            true => number(&header[8..]) as usize,
+            false => page.unwrap_or(PAGE),
+        };
         let mut found = Self {
             log,
             sum,
@@ -267,6 +270,29 @@ pub(super) fn apply(
     Ok(Applied { length: (pages > 0).then_some(u64::from(pages) * length), lost })
 }
 
+/// Whether a file that does not begin like a log has lost a part of a log's header. Returns `None` if
+/// it begins like a log, or is empty. SQLite would delete any other file. A power failure can leave
+/// zeros, but no other incomplete header, because SQLite writes the header at once.
+pub(super) fn strange_header(log: &Path) -> io::Result<Option<bool>> {
+    let strange = || {
+        let mut header = Vec::new();
+        match File::open(log) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            file => file?.take(HEADER as u64).read_to_end(&mut header)?,
+        };
+        let sound =
+            header.first_chunk().is_some_and(|header| Checksum::of_header(header).is_some());
+        let is_strange = !sound && header.iter().any(|byte| *byte != 0);
+        Ok::<_, io::Error>(is_strange.then(|| header.starts_with(&MAGIC)))
+    };
+    // A server may have been writing the header.
+    if strange()?.is_none() {
+        return Ok(None);
+    }
+    std::thread::sleep(Duration::from_millis(20));
+    strange()
+}
+
 /// Fills the buffer. Returns `false` if there are too few bytes.
 pub(super) fn read_whole(from: &mut impl Read, buffer: &mut [u8]) -> io::Result<bool> {
     match from.read_exact(buffer) {
@@ -289,6 +315,17 @@ struct Checksum {
 impl Checksum {
     fn of(header: &[u8; HEADER]) -> Self {
         Self { sums: [0; 2], is_big_endian: header[3] == 0x83 }
+    }
+
+    /// The checksum of a header that SQLite wrote.
+    fn of_header(header: &[u8; HEADER]) -> Option<Self> {
+        let mut sum = Self::of(header);
+        sum.add(&header[..24]);
+        let is_sound = header.starts_with(&MAGIC)
+            && matches!(header[3], 0x82 | 0x83)
+            && (512..=65_536).contains(&number(&header[8..]))
+            && sum.is(&header[24..]);
+        is_sound.then_some(sum)
     }
 
     fn add(&mut self, bytes: &[u8]) {

@@ -6,7 +6,7 @@
 
 use super::connection;
 use super::file::{DatabaseFile, MAGIC};
-use super::log::{Frames, Index, PAGE, read_whole};
+use super::log::{self, Frames, Index, PAGE, read_whole};
 use crate::store::sql::{OptionalExtension, Result};
 use memchr::memmem;
 use std::fs::File;
@@ -239,6 +239,18 @@ pub(super) fn misplaced(
     file: &DatabaseFile,
     index: impl Fn() -> Option<Index>,
 ) -> io::Result<Option<Misplaced>> {
+    let found = unlike(file, index)?;
+    if found.is_some() {
+        return Ok(found);
+    }
+    Ok(log::strange_header(file.log())?.map(|is_cut| match is_cut {
+        true => Misplaced::Damaged,
+        false => Misplaced::Unmarked,
+    }))
+}
+
+/// The mismatch between a file and the transactions in its log, if any.
+fn unlike(file: &DatabaseFile, index: impl Fn() -> Option<Index>) -> io::Result<Option<Misplaced>> {
     let mut before = None;
     for _ in 0..ATTEMPTS {
         // The index is read before the log, so that it never has frames that were written after the

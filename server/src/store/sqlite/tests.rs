@@ -136,10 +136,12 @@ async fn a_rollback_journal_is_not_applied() {
     with_rows(&of("study.db"), 0..3).await.close();
     let before = std::fs::read(of("study.db").path()).unwrap();
     let beside = folder.path().join("study.db-journal");
-    std::fs::write(&beside, journal).unwrap();
-    for purpose in [Purpose::Read, Purpose::Alone, Purpose::Change] {
-        let said = Sqlite::open(of("study.db"), purpose).unwrap_err().to_string();
-        assert!(said.contains("study.db-journal is a rollback journal"), "{said}");
+    for content in [b"of another program".to_vec(), journal] {
+        std::fs::write(&beside, content).unwrap();
+        for purpose in [Purpose::Read, Purpose::Alone, Purpose::Change] {
+            let said = Sqlite::open(of("study.db"), purpose).unwrap_err().to_string();
+            assert!(said.contains("study.db-journal has the name of a rollback journal"), "{said}");
+        }
     }
     assert!(std::fs::read(of("study.db").path()).unwrap() == before && beside.exists());
     // After a transaction, SQLite may leave behind an empty journal, or a journal with a zeroed header.
@@ -241,6 +243,17 @@ async fn damage_of_a_log_is_told_from_a_power_cut() {
         ("middle.db", length / 2, 4_096),
     ] {
         assert_eq!(misplaced(name, at, bytes), Some(Misplaced::Damaged), "{name}");
+    }
+    // A log that is too short for a frame. SQLite would delete it.
+    let log = std::fs::read(of("study.db").log()).unwrap();
+    for (content, told) in [
+        (&log[..20], Some(Misplaced::Damaged)),
+        (&log[..32], None),
+        (&[0; 32], None),
+        (b"a text", Some(Misplaced::Unmarked)),
+    ] {
+        std::fs::write(of("whole.db").log(), content).unwrap();
+        assert_eq!(mark::misplaced(&of("whole.db"), || None).unwrap(), told, "{content:?}");
     }
     db.close();
 }

@@ -84,13 +84,14 @@ struct Stray {
 impl Stray {
     /// Returns `None` if the page is not a leaf page, has no rows, or is invalid.
     fn read(page: u32, content: &[u8]) -> Option<Self> {
-        if content.first() != Some(&LEAF) {
+        let header = content.get(header_in(page)..)?;
+        if header.first() != Some(&LEAF) {
             return None;
         }
-        let count = rows_in(content);
+        let count = rows_in(header);
         let mut numbers = Vec::new();
         let mut rows = Vec::new();
-        for at in content.get(8..8 + 2 * count)?.chunks_exact(2) {
+        for at in header.get(8..8 + 2 * count)?.chunks_exact(2) {
             let mut cell = content.get(usize::from(u16::from_be_bytes([at[0], at[1]]))..)?;
             let length = varint(&mut cell)?;
             numbers.push(varint(&mut cell)? as i64);
@@ -141,7 +142,7 @@ impl<'a> Pages<'a> {
         let mut damaged = Vec::new();
         for table in tables {
             let mut parts = Vec::new();
-            self.walk(table.root, i64::MAX, Self::DEPTH, &mut parts)?;
+            self.walk(table, table.root, i64::MAX, Self::DEPTH, &mut parts)?;
             if parts.iter().any(|part| part.page.is_none()) {
                 damaged.push((table, parts));
             }
@@ -176,6 +177,7 @@ impl<'a> Pages<'a> {
     /// Appends the parts of the subtree at this page. Its rowids end at `last`.
     fn walk(
         &mut self,
+        table: &Table,
         page: u32,
         last: i64,
         depth: usize,
@@ -191,13 +193,13 @@ impl<'a> Pages<'a> {
                     below.filter(|(below, _)| is_ascending(before, below, last))
                 {
                     for (last, page) in below {
-                        self.walk(page, last, depth - 1, parts)?;
+                        self.walk(table, page, last, depth - 1, parts)?;
                     }
-                    return self.walk(right, last, depth - 1, parts);
+                    return self.walk(table, right, last, depth - 1, parts);
                 }
                 None
             }
-            Some(&LEAF) => Some(page),
+            Some(&LEAF) => Some(page).filter(|_| is_of(table, page, &content, before, last)),
             _ => None,
         };
         parts.push(Part { last, page: page_of_rows });
@@ -250,6 +252,20 @@ impl<'a> Pages<'a> {
         header[92..96].copy_from_slice(&changes);
         self.file.write_all_at(&header, 0)
     }
+}
+
+/// Whether a leaf page of a table's b-tree contains rows of the table between these rowids, and was
+/// not overwritten with another page. SQLite skips damaged rows of a page, but reads the schema only
+/// as a whole.
+fn is_of(table: &Table, page: u32, content: &[u8], before: i64, last: i64) -> bool {
+    let is_schema = table.root == 1;
+    if rows_in(&content[header_in(page)..]) == 0 {
+        return true;
+    }
+    let Some(found) = Stray::read(page, content) else { return !is_schema };
+    let mut fit = found.rows.iter().map(|row| table.takes(row));
+    let fits = if is_schema { fit.all(|fits| fits) } else { fit.any(|fits| fits) };
+    fits && before < found.first && found.last <= last
 }
 
 /// The only table that lacks these rows and could have contained them. Returns `None` if there are
