@@ -4,7 +4,8 @@
 //! certificate. [`store`] is the only module that uses SQL. [`formats`] reads and writes files.
 //! [`languages`] has the texts of the participant's page. [`report`] prints the files of an
 //! analysis. [`jobs`] works in the background. [`http`] has a module for each resource and the
-//! single table of routes. [`commands`] has a module for each subcommand.
+//! single table of routes. [`commands`] has a module for each subcommand,
+//! and [`program`] parses the command line.
 
 /// Prints to stderr. Ignores errors, because the reader may have closed it early, as `head` does.
 macro_rules! eprintln {
@@ -32,3 +33,4 @@ pub mod report;
 pub mod jobs;
 pub mod http;
 pub mod commands;
+pub mod program;

@@ -47,6 +47,7 @@ pub use sqlite::{LEAST_FREE_BYTES, MAGIC, Misplaced, copy_damaged};
 
 use commits::Commits;
 use lanes::{Lane, Lock};
+use operation::{Operation, once, result_of};
 use postgres::Postgres;
 use sha2::{Digest, Sha256};
 use sidestep::study::StudyConfig;
@@ -492,10 +493,7 @@ impl Store {
         &self,
         read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        match &self.open.database {
-            Database::Sqlite(database) => database.read(read),
-            Database::Postgres(database) => database.read(read).await,
-        }
+        result_of(None, once(read), |operation| self.open.database.read(operation)).await
     }
 
     /// Reads any number of rows, from one snapshot.
@@ -503,25 +501,20 @@ impl Store {
         &self,
         read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        match &self.open.database {
-            Database::Sqlite(database) => database.read_long(read).await,
-            Database::Postgres(database) => database.read_long(read).await,
-        }
+        result_of(None, once(read), |operation| self.open.database.read_long(operation)).await
     }
 
-    /// Like [`Self::write`], for a trial. It runs before all other writes.
+    /// Like [`Self::write`], for a trial. It runs before all other writes, and runs again if another
+    /// trial of its transaction fails.
     async fn write_first<T: Send + 'static, const N: usize>(
         &self,
         locks: [Lock; N],
         question: Option<Question>,
         work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        match &self.open.database {
-            Database::Sqlite(database) => database.write_trial(question, work).await,
-            Database::Postgres(database) => {
-                database.write_trial(locks.into(), question, work).await
-            }
-        }
+        let database = &self.open.database;
+        result_of(question, work, |operation| database.write(Lane::Trial, locks.into(), operation))
+            .await
     }
 
     /// Runs an operation for a waiting request, and returns the result after the commit.
@@ -558,9 +551,30 @@ impl Store {
         locks: Vec<Lock>,
         work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        match &self.open.database {
-            Database::Sqlite(database) => database.write(lane, work).await,
-            Database::Postgres(database) => database.write(lane, locks, work).await,
+        let database = &self.open.database;
+        result_of(None, once(work), |operation| database.write(lane, locks, operation)).await
+    }
+}
+
+impl Database {
+    async fn read(&self, operation: Box<dyn Operation>) {
+        match self {
+            Self::Sqlite(database) => database.read(operation),
+            Self::Postgres(database) => database.read(operation).await,
+        }
+    }
+
+    async fn read_long(&self, operation: Box<dyn Operation>) {
+        match self {
+            Self::Sqlite(database) => database.read_long(operation).await,
+            Self::Postgres(database) => database.read_long(operation).await,
+        }
+    }
+
+    async fn write(&self, lane: Lane, locks: Vec<Lock>, operation: Box<dyn Operation>) {
+        match self {
+            Self::Sqlite(database) => database.write(lane, operation),
+            Self::Postgres(database) => database.write(lane, locks, operation).await,
         }
     }
 }

@@ -1,29 +1,27 @@
-//! Queued operations, which run together in one transaction and are answered after its commit.
+//! Operations on the database. Their type hides their work and result, so that the databases are
+//! compiled only once, and not for each operation.
 
 use super::error::StoreError;
 use super::sql::{Connection, Question};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use tokio::sync::oneshot;
 
-/// A queued operation.
+/// An operation whose caller waits for the answer.
 pub(super) trait Operation: Send {
     /// Whether a caller still waits for the answer.
     fn is_wanted(&self) -> bool;
     /// The operation's first [query](Connection::query_ahead), if it can be prefetched.
     fn question(&self) -> Option<&Question>;
-    /// Does the work in a transaction. After an error, the work is rolled back, and may run again.
+    /// Does the work. After an error, the work is rolled back, and may run again.
     fn run(&mut self, db: &Connection) -> Result<(), StoreError>;
     /// Records that a deferred statement of the work failed.
     fn fail(&mut self, error: &StoreError);
-    /// Sends the result, after the commit has succeeded or failed.
-    fn answer(self: Box<Self>, committed: Result<(), StoreError>);
+    /// Sends the result, after the transaction has succeeded or failed.
+    fn answer(self: Box<Self>, done: Result<(), StoreError>);
 }
 
 /// Operations that run in one transaction.
 pub(super) type Batch = Vec<Box<dyn Operation>>;
-
-/// Receives the result of an operation.
-pub(super) type Answered<T> = oneshot::Receiver<Result<T, StoreError>>;
 
 /// Runs operations and their deferred statements. The first queries of the operations are
 /// prefetched as a batch.
@@ -40,14 +38,33 @@ pub(super) fn run_together<'a>(
     done
 }
 
-/// An operation that does this work, and the receiver of its result. `question` is the first query
-/// of the work, if it can be prefetched.
-pub(super) fn operation<T: Send + 'static>(
+/// Submits an operation that does this work to a database, and returns the result. The database
+/// answers every operation, also one that it refuses. `question` is the first query of the work, if
+/// it can be prefetched.
+pub(super) async fn result_of<T: Send + 'static, S: Future<Output = ()>>(
     question: Option<Question>,
     work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
-) -> (Box<dyn Operation>, Answered<T>) {
-    let (answer, answered) = oneshot::channel();
-    (Box::new(Waiting { question, work, found: None, answer }), answered)
+    submit: impl FnOnce(Box<dyn Operation>) -> S,
+) -> Result<T, StoreError> {
+    let (answer, mut answered) = oneshot::channel();
+    let submitted = submit(Box::new(Waiting { question, work, found: None, answer }));
+    let answer = tokio::select! {
+        biased;
+        answer = &mut answered => answer,
+        () = submitted => answered.await,
+    };
+    answer.unwrap_or_else(|_| Err(StoreError::Defect("it ended without an answer".to_owned())))
+}
+
+/// Work that runs only once.
+pub(super) fn once<T>(
+    work: impl FnOnce(&Connection) -> Result<T, StoreError>,
+) -> impl FnMut(&Connection) -> Result<T, StoreError> {
+    let mut work = Some(work);
+    move |db| match work.take() {
+        Some(work) => work(db),
+        None => Err(StoreError::Defect("it ran twice".to_owned())),
+    }
 }
 
 struct Waiting<T, W> {
@@ -82,10 +99,10 @@ where
         self.found = Some(Err(error.clone()));
     }
 
-    fn answer(self: Box<Self>, committed: Result<(), StoreError>) {
+    fn answer(self: Box<Self>, done: Result<(), StoreError>) {
         let Self { found, answer, .. } = *self;
         let never_ran = || Err(StoreError::Unavailable("it was closed".to_owned()));
         // If this fails, the client has disconnected, and has seen no acknowledgement.
-        let _ = answer.send(committed.and_then(|()| found.unwrap_or_else(never_ran)));
+        let _ = answer.send(done.and_then(|()| found.unwrap_or_else(never_ran)));
     }
 }

@@ -13,14 +13,13 @@ use super::error::StoreError;
 use super::lanes::{Lane, Lock};
 use super::migrations::{self, Failure, State};
 use super::misfit::Misfit;
-use super::operation::operation;
-use super::sql::{Connection, Question};
+use super::operation::{Operation, result_of};
+use super::sql::Connection;
 use super::{OpenError, Purpose};
 use crate::store::commits::Commits;
 use address::Address;
 use sessions::Sessions;
 use std::fmt;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Weak};
@@ -187,7 +186,8 @@ impl Postgres {
     pub(super) async fn identity(&self) -> Result<String, StoreError> {
         let asked = "SELECT oid || ' ' || extract(epoch FROM pg_postmaster_start_time()) \
                      FROM pg_database WHERE datname = current_database()";
-        self.read(move |db| Ok(db.query_row(asked, [], |row| row.get(0))?)).await
+        let read = move |db: &Connection| Ok(db.query_row(asked, [], |row| row.get(0))?);
+        result_of(None, read, |operation| self.read(operation)).await
     }
 
     pub(super) fn name(&self) -> &str {
@@ -197,23 +197,9 @@ impl Postgres {
     /// Checks that the database accepts writes now.
     pub(super) async fn ready(&self) -> Result<(), StoreError> {
         // Nothing is stored, so other servers are not notified.
-        let asked =
-            self.transaction(REQUESTS, None, ["BEGIN", "COMMIT"].map(str::to_owned), |db| {
-                let refuses = "SELECT pg_is_in_recovery() OR \
-                           current_setting('transaction_read_only') = 'on'";
-                match db.query_row(refuses, [], |row| row.get(0))? {
-                    true => Err(StoreError::Unavailable("it accepts no writes now".to_owned())),
-                    false => {
-                        check_rights(db)?;
-                        // Storing a trial takes the same locks, and another session may hold a
-                        // conflicting lock.
-                        Ok(db.batch(
-                            "SET LOCAL lock_timeout = '1s'; \
-                             LOCK TABLE participant, scene, trial, tally IN ROW EXCLUSIVE MODE",
-                        )?)
-                    }
-                }
-            });
+        let asked = result_of(None, check_writing, |operation| {
+            self.transaction(REQUESTS, None, ["BEGIN", "COMMIT"].map(str::to_owned), operation)
+        });
         if let Ok(answer) = tokio::time::timeout(PATIENCE, asked).await {
             return answer;
         }
@@ -264,111 +250,102 @@ impl Postgres {
     }
 
     /// Reads a few rows.
-    pub(super) async fn read<T: Send + 'static>(
-        &self,
-        read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
-    ) -> Result<T, StoreError> {
-        let turn = self.kinds[READS].turn().await?;
+    pub(super) async fn read(&self, mut operation: Box<dyn Operation>) {
+        let turn = match self.kinds[READS].turn().await {
+            Ok(turn) => turn,
+            Err(error) => return operation.answer(Err(error)),
+        };
         let shared = Arc::clone(&self.shared);
-        let reading = task::spawn_blocking(move || {
+        task::spawn_blocking(move || {
             let _turn = turn;
-            shared.sessions.with(read)
+            let done = shared.sessions.with(|db| operation.run(db));
+            operation.answer(done);
         });
-        reading.await.map_err(|error| StoreError::Defect(error.to_string()))?
     }
 
     /// Reads any number of rows from one snapshot.
-    pub(super) async fn read_long<T: Send + 'static>(
-        &self,
-        read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
-    ) -> Result<T, StoreError> {
+    pub(super) async fn read_long(&self, operation: Box<dyn Operation>) {
         // A read of most rows of a table should scan it sequentially.
         const BEGIN: &str =
             "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY; SET LOCAL enable_seqscan = on";
-        self.transaction(LONG_READS, None, [BEGIN.to_owned(), "COMMIT".to_owned()], read).await
+        let statements = [BEGIN, "COMMIT"].map(str::to_owned);
+        self.transaction(LONG_READS, None, statements, operation).await;
     }
 
-    /// Runs an operation and returns its result after the commit.
-    pub(super) async fn write<T: Send + 'static>(
-        &self,
-        lane: Lane,
-        locks: Vec<Lock>,
-        work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
-    ) -> Result<T, StoreError> {
+    /// Runs an operation, and answers it after the commit.
+    pub(super) async fn write(&self, lane: Lane, locks: Vec<Lock>, operation: Box<dyn Operation>) {
         let kind = match lane {
-            Lane::Trial => TRIALS,
+            Lane::Trial => return self.write_trial(locks, operation).await,
             Lane::Request | Lane::Enrolment => REQUESTS,
             Lane::Background => JOBS,
         };
         let alone = match lane {
             Lane::Enrolment if self.shared.trials.are_coming() => {
-                Some(self.enrolments.turn().await?)
+                match self.enrolments.turn().await {
+                    Ok(turn) => Some(turn),
+                    Err(error) => return operation.answer(Err(error)),
+                }
             }
             _ => None,
         };
-        let done = self.transaction(kind, alone, [begin(locks), COMMIT.to_owned()], work).await?;
-        self.shared.committed.send_modify(|commits| *commits += 1);
-        Ok(done)
+        self.transaction(kind, alone, [begin(locks), COMMIT.to_owned()], operation).await;
     }
 
-    /// Stores a trial. The first caller to get a session stores a batch of waiting trials. `work`
+    /// Queues a trial. The first caller to get a session stores a batch of waiting trials. The work
     /// runs again if another trial of its transaction fails.
-    pub(super) async fn write_trial<T: Send + 'static>(
-        &self,
-        locks: Vec<Lock>,
-        question: Option<Question>,
-        work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
-    ) -> Result<T, StoreError> {
-        let (operation, mut answered) = operation(question, work);
-        self.shared.trials.push(Waiting { locks, operation })?;
-        let lost = |_| Err(StoreError::Defect("a transaction ended without an answer".to_owned()));
-        let turn = tokio::select! {
-            answer = &mut answered => return answer.unwrap_or_else(lost),
-            turn = self.kinds[TRIALS].turn() => turn?,
+    async fn write_trial(&self, locks: Vec<Lock>, operation: Box<dyn Operation>) {
+        if let Err(refused) = self.shared.trials.push(Waiting { locks, operation }) {
+            return refused.operation.answer(Err(StoreError::Busy));
+        }
+        let turn = match self.kinds[TRIALS].turn().await {
+            Ok(turn) => turn,
+            // The callers that wait for a session will store this trial, too.
+            Err(StoreError::Busy) => return,
+            Err(closed) => return self.shared.refuse_trials(&closed),
         };
         let shared = Arc::clone(&self.shared);
         task::spawn_blocking(move || {
             let _turn = turn;
             shared.write_trials();
         });
-        answered.await.unwrap_or_else(lost)
     }
 
     /// Runs a transaction on a session of this kind. `other_turn` is another permit that the operation needs.
-    async fn transaction<T: Send + 'static>(
+    async fn transaction(
         &self,
         kind: usize,
         other_turn: Option<OwnedSemaphorePermit>,
         [begin, commit]: [String; 2],
-        work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
-    ) -> Result<T, StoreError> {
-        let turn = self.kinds[kind].turn().await?;
+        mut operation: Box<dyn Operation>,
+    ) {
+        let turn = match self.kinds[kind].turn().await {
+            Ok(turn) => turn,
+            Err(error) => return operation.answer(Err(error)),
+        };
         let shared = Arc::clone(&self.shared);
-        let working = task::spawn_blocking(move || {
+        task::spawn_blocking(move || {
             // The caller may be cancelled, so the work keeps the permits.
             let _turns = (turn, other_turn);
             let begun = Instant::now();
-            let done = shared.transact([&begin, &commit], work)?;
-            if commit == COMMIT {
+            let done = shared.transact([&begin, &commit], |db| operation.run(db));
+            if done.is_ok() && commit == COMMIT {
                 shared.observed.note(1, begun.elapsed());
+                shared.committed.send_modify(|commits| *commits += 1);
             }
-            Ok(done)
+            operation.answer(done);
         });
-        working.await.map_err(|error| StoreError::Defect(error.to_string()))?
     }
 }
 
 impl Shared {
-    fn transact<T>(
+    fn transact(
         &self,
         [begin, commit]: [&str; 2],
-        work: impl FnOnce(&Connection) -> Result<T, StoreError>,
-    ) -> Result<T, StoreError> {
+        work: impl FnOnce(&Connection) -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
         let db = self.sessions.begin(begin)?;
-        let found = catch_unwind(AssertUnwindSafe(|| work(&db)));
-        let found = found.unwrap_or_else(|_| Err(StoreError::Defect("it panicked".to_owned())));
-        let found = found.and_then(|found| db.settle().map(|()| found).map_err(StoreError::from));
-        let ended = match found.is_ok() {
+        let done = work(&db).and_then(|()| Ok(db.settle()?));
+        let ended = match done.is_ok() {
             true if commit == COMMIT => {
                 db.batch_with_answer(COMMIT, |row| row.get(0)).map(|bytes| {
                     self.sessions.note_acknowledged(bytes);
@@ -380,10 +357,22 @@ impl Shared {
         if ended.is_err() {
             self.sessions.give_up(db);
         }
-        let found = found?;
-        ended?;
-        Ok(found)
+        done.and(Ok(ended?))
     }
+}
+
+/// Checks, in a transaction, that this user can write now.
+fn check_writing(db: &Connection) -> Result<(), StoreError> {
+    let refuses = "SELECT pg_is_in_recovery() OR current_setting('transaction_read_only') = 'on'";
+    if db.query_row(refuses, [], |row| row.get(0))? {
+        return Err(StoreError::Unavailable("it accepts no writes now".to_owned()));
+    }
+    check_rights(db)?;
+    // Storing a trial takes the same locks, and another session may hold a conflicting lock.
+    Ok(db.batch(
+        "SET LOCAL lock_timeout = '1s'; \
+         LOCK TABLE participant, scene, trial, tally IN ROW EXCLUSIVE MODE",
+    )?)
 }
 
 /// Checks that the user can see the schema. Without rights to the schema, the database would seem empty.

@@ -17,7 +17,8 @@ mod writer;
 use super::error::StoreError;
 use super::lanes::Lane;
 use super::migrations::{self, Failure, State};
-use super::sql::{self, Connection, Question};
+use super::operation::{Operation, once, result_of};
+use super::sql;
 use super::{OpenError, Purpose};
 use crate::store::commits::Commits;
 use file::Copied;
@@ -209,7 +210,8 @@ impl Sqlite {
             true => "UPDATE mark SET text = text",
             false => "UPDATE mark SET text = text WHERE FALSE",
         };
-        let begun = self.write(Lane::Request, move |db| Ok(db.execute(probe, [])?));
+        let probe = once(move |db| Ok(db.execute(probe, [])?));
+        let begun = result_of(None, probe, async |operation| self.write(Lane::Request, operation));
         tokio::time::timeout(PATIENCE, begun).await.unwrap_or(Err(StoreError::Locked))?;
         self.file.check_disk()
     }
@@ -252,7 +254,7 @@ impl Sqlite {
 
     /// Lists damaged pages and dangling references.
     pub(super) async fn damage(&self) -> Result<Vec<String>, StoreError> {
-        self.read_long(connection::damage).await
+        result_of(None, connection::damage, |operation| self.read_long(operation)).await
     }
 
     pub(super) fn commits(&self) -> watch::Receiver<u64> {
@@ -295,41 +297,16 @@ impl Sqlite {
         self.file.free_bytes()
     }
 
-    pub(super) fn read<T>(
-        &self,
-        read: impl FnOnce(&Connection) -> Result<T, StoreError>,
-    ) -> Result<T, StoreError> {
-        self.readers.short(read)
+    pub(super) fn read(&self, operation: Box<dyn Operation>) {
+        self.readers.short(operation);
     }
 
-    pub(super) async fn read_long<T: Send + 'static>(
-        &self,
-        read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
-    ) -> Result<T, StoreError> {
-        self.readers.long(read).await
+    pub(super) async fn read_long(&self, operation: Box<dyn Operation>) {
+        self.readers.long(operation).await;
     }
 
-    pub(super) async fn write<T: Send + 'static>(
-        &self,
-        lane: Lane,
-        work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
-    ) -> Result<T, StoreError> {
-        // The operation runs only once, because it has its own savepoint.
-        let mut work = Some(work);
-        let once = move |db: &Connection| match work.take() {
-            Some(work) => work(db),
-            None => Err(StoreError::Defect("it ran twice".to_owned())),
-        };
-        self.writer.run(lane, None, once).await
-    }
-
-    /// Writes a trial. `work` runs again if another trial of its transaction fails.
-    pub(super) async fn write_trial<T: Send + 'static>(
-        &self,
-        question: Option<Question>,
-        work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
-    ) -> Result<T, StoreError> {
-        self.writer.run(Lane::Trial, question, work).await
+    pub(super) fn write(&self, lane: Lane, operation: Box<dyn Operation>) {
+        self.writer.submit(lane, operation);
     }
 }
 

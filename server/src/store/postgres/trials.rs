@@ -34,10 +34,11 @@ pub(super) struct Trials {
 }
 
 impl Trials {
-    pub(super) fn push(&self, trial: Waiting) -> Result<(), StoreError> {
+    /// Adds a trial, or returns it if too many are waiting.
+    pub(super) fn push(&self, trial: Waiting) -> Result<(), Waiting> {
         let mut waiting = self.waiting();
         if waiting.len() >= QUEUE {
-            return Err(StoreError::Busy);
+            return Err(trial);
         }
         waiting.push_back(trial);
         *self.newest.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
@@ -113,6 +114,17 @@ impl Shared {
                 }
             }
             committed => self.answer(batch, committed),
+        }
+    }
+
+    /// Refuses all queued trials.
+    pub(super) fn refuse_trials(&self, error: &StoreError) {
+        loop {
+            let batch = self.trials.take();
+            if batch.is_empty() {
+                return;
+            }
+            self.answer(batch, Err(error.clone()));
         }
     }
 

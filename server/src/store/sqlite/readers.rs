@@ -4,6 +4,7 @@ use super::connection;
 use super::file::DatabaseFile;
 use super::original::Original;
 use crate::store::error::StoreError;
+use crate::store::operation::Operation;
 use crate::store::sql::Connection;
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::Semaphore;
@@ -32,44 +33,47 @@ impl Readers {
 
     /// Reads a few rows on the calling thread. Readers never wait in WAL mode, and a few rows take
     /// some microseconds. This is less than handing the work to another thread.
-    pub(super) fn short<T>(
+    pub(super) fn short(&self, mut operation: Box<dyn Operation>) {
+        let done = self.with(|db| operation.run(db));
+        operation.answer(done);
+    }
+
+    fn with(
         &self,
-        read: impl FnOnce(&Connection) -> Result<T, StoreError>,
-    ) -> Result<T, StoreError> {
+        read: impl FnOnce(&Connection) -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
         self.original.check()?;
         let db = self.take()?;
-        let mut found = read(&db);
-        if found.is_err()
+        let mut done = read(&db);
+        if done.is_err()
             && let Err(error) = self.original.check()
         {
-            found = Err(error);
+            done = Err(error);
         }
-        if !found.as_ref().err().is_some_and(StoreError::ends_transaction) {
+        if !done.as_ref().err().is_some_and(StoreError::ends_transaction) {
             self.give_back(db);
         }
-        found
+        done
     }
 
     /// Reads any number of rows from one snapshot of the database.
-    pub(super) async fn long<T: Send + 'static>(
-        self: &Arc<Self>,
-        read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
-    ) -> Result<T, StoreError> {
-        let permit =
-            Arc::clone(&self.long).acquire_owned().await.map_err(|_| StoreError::closed())?;
+    pub(super) async fn long(self: &Arc<Self>, mut operation: Box<dyn Operation>) {
+        let Ok(permit) = Arc::clone(&self.long).acquire_owned().await else {
+            return operation.answer(Err(StoreError::closed()));
+        };
         let readers = Arc::clone(self);
-        let reading = tokio::task::spawn_blocking(move || {
+        tokio::task::spawn_blocking(move || {
             // The caller may be cancelled, so the work keeps the permit.
             let _permit = permit;
-            readers.short(|db| {
+            let done = readers.with(|db| {
                 db.control("BEGIN")?;
-                let found = read(db);
-                // COMMIT would fail again because of a damaged page that `read` has already reported.
+                let done = operation.run(db);
+                // COMMIT would fail again because of a damaged page that the operation has already reported.
                 db.control("ROLLBACK")?;
-                found
-            })
+                done
+            });
+            operation.answer(done);
         });
-        reading.await.map_err(|error| StoreError::Defect(error.to_string()))?
     }
 
     /// Takes an idle connection. It has the file open even if the file was renamed or deleted, and

@@ -1,5 +1,20 @@
 use super::*;
+use crate::store::sql::Connection;
 use std::os::unix::fs::FileExt;
+
+async fn read<T: Send + 'static>(
+    db: &Sqlite,
+    work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+) -> Result<T, StoreError> {
+    result_of(None, once(work), async |operation| db.read(operation)).await
+}
+
+async fn write<T: Send + 'static>(
+    db: &Sqlite,
+    work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+) -> Result<T, StoreError> {
+    result_of(None, once(work), async |operation| db.write(Lane::Request, operation)).await
+}
 
 /// After a disk error, the writer closes its connection, so it has none open when the file is deleted.
 #[tokio::test(flavor = "multi_thread")]
@@ -8,14 +23,14 @@ async fn a_deleted_file_is_rescued_through_a_reader() {
     let file = DatabaseFile::at(&folder.path().join("study.db"));
     let db = Sqlite::open(file.clone(), Purpose::Alone).unwrap();
     let add = "INSERT INTO study_config (hash, json) VALUES ('kept', '{}')";
-    let added = db.write(Lane::Request, |db| Ok(db.execute(add, [])?)).await.unwrap();
+    let added = write(&db, |db| Ok(db.execute(add, [])?)).await.unwrap();
     assert_eq!(added, 1);
     let kept = |db: &Connection| {
         let count = "SELECT count(*) FROM study_config";
         Ok(db.query_row(count, [], |row| row.get::<_, i64>(0))?)
     };
-    assert_eq!(db.read(kept).unwrap(), 1);
-    let failed = db.write(Lane::Request, |_| Err::<(), _>(StoreError::Full)).await;
+    assert_eq!(read(&db, kept).await.unwrap(), 1);
+    let failed = write(&db, |_| Err::<(), _>(StoreError::Full)).await;
     assert_eq!(failed, Err(StoreError::Full));
     std::fs::remove_file(file.path()).unwrap();
     while db.original.rescued().is_none() {
@@ -25,7 +40,7 @@ async fn a_deleted_file_is_rescued_through_a_reader() {
     let rescued = DatabaseFile::at(&db.original.rescued().unwrap());
     assert_eq!(rescued.path().extension().unwrap(), "db");
     let rescued = Sqlite::open(rescued, Purpose::Read).unwrap();
-    assert_eq!(rescued.read(kept).unwrap(), 1);
+    assert_eq!(read(&rescued, kept).await.unwrap(), 1);
 }
 
 async fn with_rows(file: &DatabaseFile, keys: std::ops::Range<u32>) -> Sqlite {
@@ -39,7 +54,7 @@ async fn add_rows(db: &Sqlite, keys: std::ops::Range<u32>) {
         let add = "INSERT INTO study_config (hash, json) VALUES ($1, $2)";
         let json = format!("{{\"text\": \"{}\"}}", "x".repeat(9_000));
         let add = move |db: &Connection| Ok(db.execute(add, [key.to_string(), json])?);
-        db.write(Lane::Request, add).await.unwrap();
+        write(db, add).await.unwrap();
     }
 }
 
@@ -72,7 +87,7 @@ async fn a_log_whose_index_was_overwritten_is_not_written_back() {
         std::fs::copy(file.path(), copy.path()).unwrap();
         std::fs::copy(file.log(), copy.log()).unwrap();
         let db = Sqlite::open(copy, Purpose::Alone).unwrap();
-        assert_eq!(db.read(rows).unwrap(), 30, "{name}");
+        assert_eq!(read(&db, rows).await.unwrap(), 30, "{name}");
     }
 }
 
@@ -180,10 +195,11 @@ async fn a_torn_file_is_read_with_its_own_log_and_changed_with_no_other() {
         std::fs::write(copy.log(), log).unwrap();
         assert!(mark::of_file(&copy).unwrap().is_some(), "{name}");
         if words.is_none() {
-            assert_eq!(Sqlite::open(copy.clone(), Purpose::Read).unwrap().read(rows).unwrap(), 8);
+            let db = Sqlite::open(copy.clone(), Purpose::Read).unwrap();
+            assert_eq!(read(&db, rows).await.unwrap(), 8);
         }
         match (Sqlite::open(copy.clone(), Purpose::Alone), words) {
-            (Ok(db), None) => assert_eq!(db.read(rows).unwrap(), 8),
+            (Ok(db), None) => assert_eq!(read(&db, rows).await.unwrap(), 8),
             (Err(error), Some(words)) => {
                 assert!(error.to_string().contains(words), "{name}: {error}");
                 assert!(bytes(copy.path()) == torn && bytes(copy.log()) == *log, "{name}");
@@ -204,9 +220,7 @@ async fn damage_of_a_log_is_told_from_a_power_cut() {
     for key in 0..8 {
         let add = "INSERT INTO study_config (hash, json) VALUES ($1, $2)";
         let json = format!("{{\"text\": \"{}\"}}", "x".repeat(9_000));
-        db.write(Lane::Request, move |db| Ok(db.execute(add, [key.to_string(), json])?))
-            .await
-            .unwrap();
+        write(&db, move |db| Ok(db.execute(add, [key.to_string(), json])?)).await.unwrap();
     }
     let length = std::fs::metadata(of("study.db").log()).unwrap().len();
     let told = std::fs::read(of("study.db").index()).unwrap();

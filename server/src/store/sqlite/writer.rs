@@ -22,8 +22,8 @@ use crate::store::commits::Commits;
 use crate::store::error::StoreError;
 use crate::store::lanes::Lane;
 use crate::store::migrations::COUNTED;
-use crate::store::operation::{Batch, Operation, operation, run_together};
-use crate::store::sql::{Connection, Question};
+use crate::store::operation::{Batch, Operation, run_together};
+use crate::store::sql::Connection;
 use crate::support::private;
 use std::collections::VecDeque;
 use std::fmt;
@@ -86,10 +86,10 @@ impl Queue {
         self.lanes.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn push(&self, lane: Lane, operation: Box<dyn Operation>) -> Result<(), StoreError> {
+    fn push(&self, lane: Lane, operation: Box<dyn Operation>) {
         let mut lanes = self.lanes();
         if lanes.closed {
-            return Err(StoreError::Unavailable("it was closed".to_owned()));
+            return operation.answer(Err(StoreError::closed()));
         }
         let queue = match lane {
             Lane::Trial => &mut lanes.trials,
@@ -97,11 +97,10 @@ impl Queue {
             Lane::Background => &mut lanes.background,
         };
         if queue.len() >= QUEUE {
-            return Err(StoreError::Busy);
+            return operation.answer(Err(StoreError::Busy));
         }
         queue.push_back(operation);
         self.changed.notify_one();
-        Ok(())
     }
 
     /// Waits for the next action. Operations that were queued before the writer was closed still run.
@@ -213,16 +212,9 @@ impl Writer {
         }
     }
 
-    /// Runs an operation and returns its result after the commit.
-    pub(super) async fn run<T: Send + 'static>(
-        &self,
-        lane: Lane,
-        question: Option<Question>,
-        work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
-    ) -> Result<T, StoreError> {
-        let (operation, answered) = operation(question, work);
-        self.queue.push(lane, operation)?;
-        answered.await.unwrap_or_else(|_| Err(StoreError::Defect("the writer ended".to_owned())))
+    /// Queues an operation, which is answered after its commit.
+    pub(super) fn submit(&self, lane: Lane, operation: Box<dyn Operation>) {
+        self.queue.push(lane, operation);
     }
 
     /// Publishes the number of commits.
