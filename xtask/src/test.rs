@@ -80,13 +80,17 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     let readers = readers(workspace)?;
     let is_whole = options.arguments.is_empty();
     let pages = || {
-        // For a whole run, the server is compiled with the tests.
+        // For a whole run, the server is compiled beside the client.
         build::run(workspace, &build::Options { client_only: is_whole })?;
         let page = |(variable, example)| Ok((variable, example_page(workspace, example)?));
         PAGES.iter().copied().map(page).collect::<Result<Vec<_>>>()
     };
     let compile = || {
-        let programs = if is_whole { programs::compile(workspace)? } else { Vec::new() };
+        let mut programs = Vec::new();
+        if is_whole {
+            build::server(workspace)?;
+            programs = programs::compile(workspace)?;
+        }
         stage("cluster", workspace.compile("build").args(["--example", CLUSTER]))?;
         Ok(programs)
     };

@@ -50,18 +50,41 @@ struct Profile {
     test: bool,
 }
 
-/// Compiles every test program and the server.
+/// The tests in the server's package. Its own code is compiled once more for them, without
+/// optimisation: that saves five minutes, and they run for seconds. `sidestep-tests` is selected with
+/// it, so that all other packages have the same features as in the workspace and are not compiled again.
+const OF_SERVER: [&str; 9] = [
+    "--package",
+    "sidestep-server",
+    "--package",
+    "sidestep-tests",
+    "--lib",
+    "--test",
+    "memory",
+    "--config",
+    "profile.release.package.sidestep-server.opt-level=0",
+];
+
+/// Compiles every test program.
 ///
 /// # Errors
 /// When compiling fails.
 pub(super) fn compile(workspace: &Workspace) -> Result<Vec<Program>> {
-    eprintln!("==> test programs");
+    let compiled = |name: &'static str, cargo: &mut Command| {
+        eprintln!("==> {name}");
+        cargo.args(["--no-run", "--message-format=json-render-diagnostics"]);
+        let programs = read(&output_of(name, cargo)?)?;
+        eprintln!("    {} programs", programs.len());
+        anyhow::Ok(programs)
+    };
     // Without a selection of targets, cargo would also compile every example. With `--bins`, it would also
     // compile programs without tests.
-    let mut cargo = workspace.compile("test");
-    cargo.args(["--tests", "--no-run", "--message-format=json-render-diagnostics"]);
-    let programs = read(&output_of("compiling the tests", &mut cargo)?)?;
-    eprintln!("    {} test programs", programs.len());
+    let mut others = workspace.compile("test");
+    others.args(["--exclude", "sidestep-server", "--tests"]);
+    let mut programs = compiled("test programs", &mut others)?;
+    let of_server =
+        compiled("tests of the server", workspace.compile_some("test").args(OF_SERVER))?;
+    programs.extend(of_server.into_iter().filter(|program| program.package() == "server"));
     Ok(programs)
 }
 
