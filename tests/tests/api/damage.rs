@@ -270,7 +270,7 @@ async fn altered_configurations_and_value_functions_are_named() {
     let (said, lost) = altered(unreadable).await;
     assert!(lost.len() == before.len() - 4 * 5, "the other study is saved");
     assert!(said.err.contains("sidestep: study_config "), "{}", said.err);
-    let function = "UPDATE value_function SET octets = octets || x'00'".to_owned();
+    let function = "UPDATE value_function SET octets = CAST(octets || x'00' AS BLOB)".to_owned();
     let (said, lost) = altered(function).await;
     let functions = said.err.lines().filter(|line| line.contains("value_function")).count();
     assert!(lost.is_empty() && functions > 0, "{}", said.err);
@@ -365,7 +365,7 @@ async fn a_value_that_the_new_database_refuses_costs_its_own_row() {
             "token.db",
             "UPDATE participant_token SET participant_id = 'nobody' \
              WHERE rowid = (SELECT min(rowid) FROM participant_token)",
-            "it refers to nothing in participant",
+            "participant_token (1 of participant nobody): participant nobody is lost",
         ),
     ] {
         let damaged = folder.name(name);
