@@ -12,6 +12,7 @@ mod error;
 mod misfit;
 mod lanes;
 mod sql;
+mod opening;
 mod migrations;
 mod operation;
 pub mod commits;
@@ -43,7 +44,8 @@ pub(crate) mod tests;
 
 pub use error::StoreError;
 pub use misfit::Misfit;
-pub use sqlite::{LEAST_FREE_BYTES, MAGIC, Misplaced, copy_damaged};
+pub use opening::{Misplaced, OpenError, Purpose};
+pub use sqlite::{LEAST_FREE_BYTES, MAGIC, copy_damaged};
 
 use commits::Commits;
 use lanes::{Lane, Lock};
@@ -54,7 +56,6 @@ use sidestep::study::StudyConfig;
 use sql::{Connection, Question};
 use sqlite::{DatabaseFile, Sqlite};
 use std::collections::HashMap;
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, RwLock};
 use tokio::sync::watch;
@@ -78,122 +79,6 @@ enum Database {
     Postgres(Postgres),
 }
 
-/// The purpose of opening a database.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Purpose {
-    /// Serve or fill the database, exclusively. It is created if missing. Until it is closed, no other
-    /// server may use the file, because each server would wait for the other's writes and miss its changes.
-    /// Commands may read and write at the same time. Several servers can share a PostgreSQL database.
-    Alone,
-    /// Copy another database into this one, exclusively like [`Self::Alone`]. If this database was
-    /// empty, all other purposes are refused until [`Store::end_copy`].
-    Copy,
-    /// Add data. The database is created if missing.
-    Create,
-    /// Change existing data.
-    Change,
-    /// Read. The database is not changed. If a file is of an older version, a migrated copy of it is read.
-    Read,
-}
-
-/// Why a database cannot be used. The message is one line that names the database.
-#[derive(Debug, thiserror::Error)]
-pub enum OpenError {
-    /// The address does not name a database that this build supports.
-    #[error(
-        "--database {url}: expected sqlite:FILE or postgres://USER@HOST/DATABASE, found {found}"
-    )]
-    Address {
-        /// The given address.
-        url: String,
-        /// The error in the address.
-        found: String,
-    },
-    /// The database cannot be opened or created.
-    #[error("{database}: cannot open the database: {reason}")]
-    Unusable {
-        /// The file, or the address without a password.
-        database: String,
-        /// The error of the system.
-        reason: String,
-    },
-    /// The database is missing, and this purpose does not create it.
-    #[error("{0}: cannot open the database: it does not exist, or it is empty")]
-    Absent(String),
-    /// The database is missing, but its write-ahead log exists and would be lost at the first write.
-    #[error(
-        "{database}: cannot open the database: it does not exist, or it is empty, but its write-ahead log {} exists \
-         and may have data that are stored nowhere else; put its database back beside it, or move it to another folder",
-        log.display()
-    )]
-    LogAlone {
-        /// The file.
-        database: String,
-        /// The log.
-        log: PathBuf,
-    },
-    /// The write-ahead log beside the file belongs to another database. SQLite would apply it.
-    #[error(
-        "{database}: cannot open the database: the write-ahead log beside it, {}, is not its own: {why}. Nothing was \
-         changed. The log has the latest data of its database: put that database back beside it. Only if that is \
-         permanently lost, move the log to another folder, and keep it",
-        log.display()
-    )]
-    Misplaced {
-        /// The file.
-        database: String,
-        /// The log.
-        log: PathBuf,
-        /// Why the log is not the database's own.
-        why: Misplaced,
-    },
-    /// The write-ahead log is damaged. SQLite would drop everything after the damaged part.
-    #[error(
-        "{database}: cannot open the database: the write-ahead log beside it, {}, is damaged: a part of it was overwritten, \
-         and SQLite would drop everything stored after that part. Nothing was changed. Keep both files, and save the \
-         readable data with 'sidestep salvage --from {database} --database sqlite:NEW'",
-        log.display()
-    )]
-    DamagedLog {
-        /// The file.
-        database: String,
-        /// The log.
-        log: PathBuf,
-    },
-    /// The database is of another version and cannot be migrated.
-    #[error("{database}: cannot use the database: {reason}")]
-    Version {
-        /// The file, or the address without a password.
-        database: String,
-        /// The reason.
-        reason: Misfit,
-    },
-    /// Another server uses the database.
-    #[error(
-        "{0}: another 'sidestep serve' uses this database; stop it first or give this one its own \
-         file"
-    )]
-    Served(String),
-}
-
-impl OpenError {
-    /// The same error with the name by which the user knows the database.
-    #[must_use]
-    pub fn named(self, name: String) -> Self {
-        let log = PathBuf::from(format!("{name}-wal"));
-        match self {
-            Self::Address { .. } => self,
-            Self::Unusable { reason, .. } => Self::Unusable { database: name, reason },
-            Self::Absent(_) => Self::Absent(name),
-            Self::LogAlone { .. } => Self::LogAlone { database: name, log },
-            Self::DamagedLog { .. } => Self::DamagedLog { database: name, log },
-            Self::Misplaced { why, .. } => Self::Misplaced { database: name, log, why },
-            Self::Version { reason, .. } => Self::Version { database: name, reason },
-            Self::Served(_) => Self::Served(name),
-        }
-    }
-}
-
 /// An invalid address for use in messages. It never contains a password.
 fn harmless(url: &str) -> String {
     match url.split_once(':') {
@@ -201,38 +86,6 @@ fn harmless(url: &str) -> String {
         Some((kind, _)) if kind != "sqlite" => format!("{}:…", kind.trim()),
         None if url.contains('=') => "…".to_owned(),
         _ => url.to_owned(),
-    }
-}
-
-/// Refuses a path that is not a file, and a file that this user must not read. Also refuses a file with
-/// several names (hard links) if it is opened to be written, or if there is a log under another of its
-/// names. SQLite would only report that it cannot open the file, or keep one log per name.
-fn check_file(file: &Path, purpose: Purpose) -> Result<(), OpenError> {
-    let refuse =
-        |reason: String| Err(OpenError::Unusable { database: file.display().to_string(), reason });
-    let Ok(found) = std::fs::metadata(file) else {
-        return match file.is_symlink() {
-            true => refuse("it is a symbolic link to a file that does not exist".to_owned()),
-            false => Ok(()),
-        };
-    };
-    if !found.is_file() {
-        return refuse("it is a directory, a pipe or a device, not a file".to_owned());
-    }
-    if found.nlink() > 1
-        && (purpose != Purpose::Read || DatabaseFile::at(file).has_log_of_other_name())
-    {
-        return refuse(
-            "it has several names (hard links), and SQLite would keep a log for each; delete the names without a -wal beside \
-             them"
-                .to_owned(),
-        );
-    }
-    match std::fs::File::open(file) {
-        Err(error) if error.kind() == std::io::ErrorKind::PermissionDenied => refuse(format!(
-            "{error}; give this user the permission to read it, or run as its owner"
-        )),
-        _ => Ok(()),
     }
 }
 
@@ -250,7 +103,7 @@ impl Store {
                 false => {
                     let file = DatabaseFile::of_url(&url)
                         .map_err(|found| OpenError::Address { url: harmless(&url), found })?;
-                    check_file(file.path(), purpose)?;
+                    DatabaseFile::check(file.path(), purpose)?;
                     Database::Sqlite(Sqlite::open(file, purpose)?)
                 }
             })

@@ -102,23 +102,16 @@ impl Workspace {
     /// Every call selects all workspace members and the same profile. Cargo then resolves the same dependency
     /// features for all calls and compiles no dependency twice.
     pub(crate) fn compile(&self, command: &str) -> Command {
-        let mut cargo = self.compile_some(command);
-        cargo.arg("--workspace");
-        cargo
-    }
-
-    /// Like [`Self::compile`], for packages that the caller adds.
-    pub(crate) fn compile_some(&self, command: &str) -> Command {
         let mut cargo = cargo_in(&self.root);
-        cargo.args([command, "--locked", "--profile", "release"]);
+        cargo.args([command, "--locked", "--profile", "release", "--workspace"]);
         cargo
     }
 
     /// Returns a call of a cargo command that compiles only the library. The caller adds the arguments that
     /// select features.
     pub(crate) fn compile_library(&self, command: &str) -> Command {
-        let mut cargo = self.compile_some(command);
-        cargo.args(["--package", "sidestep", "--lib"]);
+        let mut cargo = cargo_in(&self.root);
+        cargo.args([command, "--locked", "--profile", "release", "--package", "sidestep", "--lib"]);
         cargo
     }
 

@@ -10,6 +10,7 @@ mod mark;
 mod trees;
 mod damaged;
 mod original;
+mod watch;
 mod readers;
 mod write_back;
 mod writer;
@@ -17,27 +18,27 @@ mod writer;
 use super::error::StoreError;
 use super::lanes::Lane;
 use super::migrations::{self, Failure, State};
+use super::opening::{Misplaced, OpenError, Purpose};
 use super::operation::{Operation, once, result_of};
 use super::sql;
-use super::{OpenError, Purpose};
 use crate::store::commits::Commits;
 use file::Copied;
 use log::Index;
-use original::{Original, Watch};
+use original::Original;
 use readers::Readers;
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
-use tokio::sync::watch;
+use tokio::sync::watch::Receiver;
+use watch::Watch;
 use writer::Writer;
 
 pub(super) use connection::open;
 pub use damaged::copy_damaged;
 pub(super) use file::{DatabaseFile, Identity};
 pub use file::{LEAST_FREE_BYTES, MAGIC};
-pub use mark::Misplaced;
 
 /// An open database file with the schema of this version.
 #[derive(Debug)]
@@ -257,7 +258,7 @@ impl Sqlite {
         result_of(None, connection::damage, |operation| self.read_long(operation)).await
     }
 
-    pub(super) fn commits(&self) -> watch::Receiver<u64> {
+    pub(super) fn commits(&self) -> Receiver<u64> {
         self.writer.commits()
     }
 

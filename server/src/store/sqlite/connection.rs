@@ -121,8 +121,8 @@ pub(super) fn reading(file: &DatabaseFile, is_untouched: bool) -> Result<Connect
 }
 
 /// Rebuilds the indices of all tables that can be read completely. The connection must be one for
-/// mending. If a table has lost rows, its indices stay as they are, because they may still contain
-/// the keys of these rows.
+/// mending. If a table has lost rows, its indices stay as they are, because they still contain the
+/// keys of these rows.
 pub(super) fn renew_indices(db: &Connection) -> Result<()> {
     const PUT: &str = "UPDATE sqlite_schema SET rootpage = \
                            (SELECT rootpage FROM sqlite_schema WHERE name = 'renewed') WHERE name = $1";
@@ -135,6 +135,13 @@ pub(super) fn renew_indices(db: &Connection) -> Result<()> {
         Ok((texts, row.get::<_, Option<String>>(4)?))
     })?;
     for ([name, quoted, table, made_by], columns) in indices.collect::<Result<Vec<_>>>()? {
+        let lacks_rows = format!(
+            "SELECT (SELECT count(rowid) FROM {table} INDEXED BY {quoted}) \
+                  > (SELECT count(rowid) FROM {table} NOT INDEXED)"
+        );
+        if db.query_row(&lacks_rows, [], |row| row.get::<_, bool>(0)).unwrap_or(false) {
+            continue;
+        }
         let Some(columns) = columns.filter(|_| db.batch(&format!("REINDEX {quoted}")).is_err())
         else {
             continue;

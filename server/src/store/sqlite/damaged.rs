@@ -3,9 +3,10 @@
 use super::connection;
 use super::file::DatabaseFile;
 use super::log::{self, Index, PAGE};
-use super::mark::{self, Misplaced};
+use super::mark;
 use super::trees;
 use crate::store::migrations;
+use crate::store::opening::Misplaced;
 use crate::support::private;
 use std::fs::{File, TryLockError};
 use std::io::{self, Seek};

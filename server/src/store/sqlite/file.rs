@@ -1,10 +1,12 @@
 //! The database's file: its address, its permissions, its lock, and whether it is still the same file.
 
 use crate::store::error::StoreError;
+use crate::store::opening::{OpenError, Purpose};
 use crate::support::private;
 use rustix::fs::{Access, StatVfs, StatVfsMountFlags, access, statvfs};
 use std::fs::{File, TryLockError};
 use std::io::{self, Read};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tempfile::TempDir;
@@ -51,6 +53,38 @@ impl DatabaseFile {
             return Err("no file; results must survive a restart".to_owned());
         }
         Ok(Self::at(Path::new(name)))
+    }
+
+    /// Refuses a path that is not a file, and a file that this user must not read. Also refuses a file with
+    /// several names (hard links) if it is opened to be written, or if there is a log under another of its
+    /// names. SQLite would only report that it cannot open the file, or keep one log per name.
+    pub(in crate::store) fn check(file: &Path, purpose: Purpose) -> Result<(), OpenError> {
+        let refuse = |reason: String| {
+            Err(OpenError::Unusable { database: file.display().to_string(), reason })
+        };
+        let Ok(found) = std::fs::metadata(file) else {
+            return match file.is_symlink() {
+                true => refuse("it is a symbolic link to a file that does not exist".to_owned()),
+                false => Ok(()),
+            };
+        };
+        if !found.is_file() {
+            return refuse("it is a directory, a pipe or a device, not a file".to_owned());
+        }
+        if found.nlink() > 1 && (purpose != Purpose::Read || Self::at(file).has_log_of_other_name())
+        {
+            return refuse(
+                "it has several names (hard links), and SQLite would keep a log for each; delete the names without a -wal beside \
+                 them"
+                    .to_owned(),
+            );
+        }
+        match File::open(file) {
+            Err(error) if error.kind() == io::ErrorKind::PermissionDenied => refuse(format!(
+                "{error}; give this user the permission to read it, or run as its owner"
+            )),
+            _ => Ok(()),
+        }
     }
 
     pub(in crate::store) fn at(path: &Path) -> Self {

@@ -7,6 +7,7 @@
 use super::connection;
 use super::file::{DatabaseFile, MAGIC};
 use super::log::{self, Frames, Index, PAGE, read_whole};
+use crate::store::opening::Misplaced;
 use crate::store::sql::{OptionalExtension, Result};
 use memchr::memmem;
 use std::fs::File;
@@ -197,37 +198,6 @@ impl Log {
         found.cut = (behind > last + 1 || !is_told).then_some(sound);
         Ok((found.commits > 0 || found.cut.is_some()).then_some(found))
     }
-}
-
-/// A mismatch between a file and the log beside it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Misplaced {
-    /// The log belongs to another database.
-    #[error("it belongs to another database")]
-    Other,
-    /// The log belongs to a copy of this database that has diverged.
-    #[error(
-        "it belongs to another copy of this database: both went on from the same state, each by itself"
-    )]
-    Fork,
-    /// The file is older than the beginning of the log.
-    #[error(
-        "it continues a later state of this database than this file has; the file is an older copy"
-    )]
-    Later,
-    /// The file has more commits than the log.
-    #[error("it is older than this file, which has more commits")]
-    Earlier,
-    /// The log has no mark.
-    #[error(
-        "no commit of Sidestep is in it; another program wrote it, or it belongs to another database"
-    )]
-    Unmarked,
-    /// A part of the log or of its index was overwritten, and SQLite would lose transactions.
-    #[error(
-        "a part of it was overwritten, and SQLite would drop everything stored after that part"
-    )]
-    Damaged,
 }
 
 /// Number of attempts to read a log while a server writes to it.

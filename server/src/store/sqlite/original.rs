@@ -2,31 +2,21 @@
 //!
 //! SQLite does not notice when another process deletes, moves, replaces, overwrites or truncates
 //! its open file. So this is checked before each read, before and after each commit, and regularly
-//! by [`Watch`].
+//! by [`Watch`](super::watch::Watch).
 
 use super::connection;
 use super::file::{DatabaseFile, Identity};
 use super::log::Index;
-use super::mark::{self, Log, Mark, Misplaced, Place};
+use super::mark::{self, Log, Mark, Place};
 use crate::store::error::StoreError;
+use crate::store::opening::Misplaced;
 use std::fs::File;
 use std::io::Write;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
-use std::thread::JoinHandle;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
-
-/// Interval between the regular checks.
-const WATCH: Duration = Duration::from_millis(250);
-
-/// Every n-th check reads the whole log, if it was written to.
-const READ_LOG: usize = 3;
-
-/// Pause before a failed rescue is retried.
-const AGAIN: Duration = Duration::from_secs(2);
+use std::sync::{Mutex, OnceLock, PoisonError};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// The file that was opened.
 #[derive(Debug)]
@@ -329,7 +319,7 @@ impl Original {
 
     /// Makes SQLite check a served file for damage once at the start, and again after another
     /// process has written to the file in place.
-    fn check_in_place(&self) {
+    pub(super) fn check_in_place(&self) {
         // SQLite would delete the log of a file that was emptied.
         if self.check_with_log().is_err() {
             return;
@@ -496,61 +486,4 @@ impl Original {
 /// Whether a rescue file is only a log.
 fn is_log(rescued: &Path) -> bool {
     rescued.extension().is_some_and(|end| end == "rescued-wal")
-}
-
-/// Checks a file regularly.
-#[derive(Debug)]
-pub(super) struct Watch {
-    stop: Option<Sender<()>>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl Watch {
-    /// Starts the thread. It calls `noticed` when another process has changed the file, and again
-    /// while the data are not rescued.
-    pub(super) fn start(
-        original: Arc<Original>,
-        noticed: impl Fn() + Send + 'static,
-    ) -> Result<Self, StoreError> {
-        let (stop, stopped) = channel();
-        let thread = std::thread::Builder::new().name("store-watch".to_owned()).spawn(move || {
-            let (mut was_well, mut asked) = (true, Instant::now());
-            let mut rounds = 0_usize;
-            while stopped.recv_timeout(WATCH) == Err(RecvTimeoutError::Timeout) {
-                rounds += 1;
-                original.check_in_place();
-                let found = match rounds.is_multiple_of(READ_LOG) {
-                    true => original.check_all(),
-                    false => original.check_with_log(),
-                };
-                match &found {
-                    Err(error) if was_well => {
-                        tracing::error!(%error, "nothing is stored any more");
-                        (asked, ()) = (Instant::now(), noticed());
-                    }
-                    // The last rescue may have failed because the disk was full.
-                    Err(_) if original.lacks_rescue() && asked.elapsed() > AGAIN => {
-                        (asked, ()) = (Instant::now(), noticed());
-                    }
-                    Ok(()) if !was_well => {
-                        tracing::info!("the database file is back");
-                        original.note_rescued(None);
-                    }
-                    _ => {}
-                }
-                was_well = found.is_ok();
-            }
-        });
-        let thread = thread.map_err(|error| StoreError::Unavailable(error.to_string()))?;
-        Ok(Self { stop: Some(stop), thread: Some(thread) })
-    }
-}
-
-impl Drop for Watch {
-    fn drop(&mut self) {
-        self.stop = None;
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
-    }
 }
