@@ -13,9 +13,8 @@
 //! analysis, value functions) runs in separate transactions, one operation between two batches, so
 //! that requests wait for at most one of them.
 
-mod queue;
+mod rescue;
 
-use self::queue::{Lanes, Next, Queue};
 use super::connection;
 use super::file::DatabaseFile;
 use super::original::Original;
@@ -27,13 +26,133 @@ use crate::store::lanes::Lane;
 use crate::store::migrations::COUNTED;
 use crate::store::operation::{Batch, Operation, run_together};
 use crate::store::sql::Connection;
-use crate::support::private;
+use std::collections::VecDeque;
 use std::fmt;
-use std::path::{Path, PathBuf};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
+
+/// Maximum length of a lane's queue. Further operations are refused.
+const QUEUE: usize = 1_024;
+
+/// Maximum number of trials in a batch.
+const BATCH: usize = 64;
+
+/// Maximum number of other requests in a batch.
+const OTHERS: usize = 64;
+
+/// Pause between two background operations while requests wait.
+const BACKGROUND_PAUSE: Duration = Duration::from_millis(50);
+
+#[derive(Default)]
+struct Lanes {
+    trials: VecDeque<Box<dyn Operation>>,
+    requests: VecDeque<Box<dyn Operation>>,
+    background: VecDeque<Box<dyn Operation>>,
+    /// When to try to empty the log, if this was requested.
+    empty_log_at: Option<Instant>,
+    /// Whether a rescue was requested, because another process has changed the file.
+    rescue: bool,
+    /// Whether the last write failed because of the disk.
+    has_failed: bool,
+    closed: bool,
+}
+
+struct Queue {
+    lanes: Mutex<Lanes>,
+    changed: Condvar,
+}
+
+/// The writer thread's next action.
+enum Next {
+    /// Writes a batch whose first `trials` operations store trials.
+    Write {
+        batch: Batch,
+        trials: usize,
+    },
+    Background(Batch),
+    EmptyLog,
+    /// Rescues the data into another file, because another process has changed the database.
+    Rescue,
+    Stop,
+}
+
+impl Queue {
+    fn lanes(&self) -> MutexGuard<'_, Lanes> {
+        self.lanes.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn push(&self, lane: Lane, operation: Box<dyn Operation>) {
+        let mut lanes = self.lanes();
+        if lanes.closed {
+            return operation.answer(Err(StoreError::closed()));
+        }
+        let queue = match lane {
+            Lane::Trial => &mut lanes.trials,
+            Lane::Request | Lane::Enrolment => &mut lanes.requests,
+            Lane::Background => &mut lanes.background,
+        };
+        if queue.len() >= QUEUE {
+            return operation.answer(Err(StoreError::Busy));
+        }
+        queue.push_back(operation);
+        self.changed.notify_one();
+    }
+
+    /// Waits for the next action. Operations that were queued before the writer was closed still run.
+    fn next(&self, last_background: Instant) -> Next {
+        let mut lanes = self.lanes();
+        loop {
+            let now = Instant::now();
+            if std::mem::take(&mut lanes.rescue) {
+                return Next::Rescue;
+            }
+            if lanes.empty_log_at.is_some_and(|at| at <= now) {
+                lanes.empty_log_at = None;
+                return Next::EmptyLog;
+            }
+            let requested = !lanes.trials.is_empty() || !lanes.requests.is_empty();
+            let background_turn =
+                !requested || now.duration_since(last_background) >= BACKGROUND_PAUSE;
+            if background_turn && let Some(operation) = lanes.background.pop_front() {
+                return Next::Background(vec![operation]);
+            }
+            if requested {
+                let Lanes { trials, requests, .. } = &mut *lanes;
+                let trials = trials.drain(..trials.len().min(BATCH));
+                let count = trials.len();
+                let others = requests.drain(..requests.len().min(OTHERS));
+                return Next::Write { batch: trials.chain(others).collect(), trials: count };
+            }
+            if lanes.closed {
+                return Next::Stop;
+            }
+            lanes = match lanes.empty_log_at {
+                Some(at) => {
+                    let waited = self.changed.wait_timeout(lanes, at.duration_since(now));
+                    waited.unwrap_or_else(PoisonError::into_inner).0
+                }
+                None => self.changed.wait(lanes).unwrap_or_else(PoisonError::into_inner),
+            };
+        }
+    }
+
+    /// Puts requests back at the front of their queue.
+    fn put_back(&self, others: Batch) {
+        let mut lanes = self.lanes();
+        for other in others.into_iter().rev() {
+            lanes.requests.push_front(other);
+        }
+    }
+
+    /// Takes all waiting operations.
+    fn drain(&self) -> Batch {
+        let mut lanes = self.lanes();
+        let Lanes { trials, requests, background, .. } = &mut *lanes;
+        trials.drain(..).chain(requests.drain(..)).chain(background.drain(..)).collect()
+    }
+}
 
 /// Pause between two attempts to empty the log.
 const EMPTY_LOG_PAUSE: Duration = Duration::from_millis(200);
@@ -290,71 +409,6 @@ impl Thread {
         Ok(has_changed)
     }
 
-    /// Rescues the data into another file. If the content is intact, writes all data. Otherwise
-    /// copies the log if the file is still in place, and the open file with its log if it is not.
-    fn rescue(&mut self) {
-        if !self.original.lacks_rescue() {
-            return;
-        }
-        let reader = if self.db.is_none() { self.readers.take_idle() } else { None };
-        let is_whole = self.original.is_whole() && self.original.has_log();
-        let open = self.db.as_ref().or(reader.as_ref()).filter(|_| is_whole);
-        let is_in_place = self.original.is_in_place();
-        let (what, end) = match open {
-            None if is_in_place => ("the log of the database, with the latest data,", "-wal"),
-            None => ("the file that the server has open, as it is, and its log", ".db"),
-            Some(_) => ("the data of the database", ".db"),
-        };
-        for name in self.original.rescue_names() {
-            let (unfinished, name) = (ended(&name, ".part"), ended(&name, end));
-            let written = match open {
-                Some(open) => match rescue_all(open, &unfinished) {
-                    // SQLite stops at a damaged page, but 'sidestep salvage' can read the other
-                    // pages of a plain copy.
-                    Err(StoreError::Corrupt(_)) if !is_in_place => {
-                        let _ = std::fs::remove_file(&unfinished);
-                        self.rescue_file(&unfinished, &name)
-                    }
-                    written => written,
-                },
-                None if is_in_place => self.rescue_log(&unfinished),
-                None => self.rescue_file(&unfinished, &name),
-            };
-            match written.and_then(|()| std::fs::rename(&unfinished, &name).map_err(refused)) {
-                Ok(()) => {
-                    tracing::error!(file = %name.display(), "{what} was written to this file");
-                    self.original.note_rescued(Some(name));
-                    break;
-                }
-                Err(error) => {
-                    let file = name.display();
-                    tracing::error!(%error, %file, "{what} could not be written to this file yet");
-                    let _ = std::fs::remove_file(unfinished);
-                }
-            }
-        }
-        // Closing the reader may delete a log that belongs to another file, or is the only copy of the data.
-        std::mem::forget(reader);
-    }
-
-    fn rescue_log(&self, to: &Path) -> Result<(), StoreError> {
-        let copied = private::new_file(to).and_then(|mut to| {
-            std::io::copy(&mut std::fs::File::open(self.file.log())?, &mut to)?;
-            to.sync_all()
-        });
-        copied.map_err(refused)
-    }
-
-    /// Writes the file to `to`, and its log beside `name`, the file's final name.
-    fn rescue_file(&self, to: &Path, name: &Path) -> Result<(), StoreError> {
-        let copied = private::new_file(to).and_then(|to| self.original.copy_to(&to));
-        copied.map_err(refused)?;
-        match self.original.is_own_log() && self.file.has_log() {
-            true => self.rescue_log(&ended(name, "-wal")),
-            false => Ok(()),
-        }
-    }
-
     fn empty_log(&mut self) {
         let emptied = match &self.db {
             Some(open) => {
@@ -370,21 +424,6 @@ impl Thread {
             self.queue.lanes().empty_log_at = Some(Instant::now() + EMPTY_LOG_PAUSE);
         }
     }
-}
-
-fn rescue_all(open: &Connection, to: &Path) -> Result<(), StoreError> {
-    DatabaseFile::at(to).create().map_err(refused)?;
-    Ok(connection::copy_of(open, to)?)
-}
-
-fn refused(error: std::io::Error) -> StoreError {
-    StoreError::Unavailable(error.to_string())
-}
-
-fn ended(path: &Path, end: &str) -> PathBuf {
-    let mut path = path.as_os_str().to_owned();
-    path.push(end);
-    path.into()
 }
 
 /// Opens the file if it is the original one.
