@@ -10,6 +10,11 @@ use std::path::Path;
 
 const GUIDE: &str = include_str!("../../../docs/study.md");
 const README: &str = include_str!("../../../README.md");
+const SETTINGS: &str = include_str!("../../../web-client/src/pages/lab/configuration/settings.rs");
+
+/// Fields that the form shows with controls of their own, or not at all (`texts`).
+const NO_SETTINGS: [&str; 5] =
+    ["languages", "phases", "questions", "comprehension.questions", "texts"];
 
 /// The study files in a document.
 fn examples(document: &'static str) -> Vec<&'static str> {
@@ -73,4 +78,25 @@ fn its_whole_file_has_every_field_and_its_tables_name_them() {
         let is_language = file.config().languages.iter().any(|tag| tag == name);
         assert!(is_language || named.contains(name), "no table of the guide names {path}");
     }
+}
+
+#[test]
+fn the_form_has_every_setting() {
+    let is_whole = |text: &&str| text.starts_with("# A whole study file");
+    let text = examples(GUIDE).into_iter().find(is_whole).unwrap();
+    let folder = Folder::default();
+    let file = StudyFile::read(Path::new(&folder.file("study.toml", text))).unwrap();
+    let all = fields(&serde_json::to_value(file.config()).unwrap());
+    let mut known = Vec::new();
+    for path in all.iter().map(|path| path.trim_start_matches('.')) {
+        let is_row = |path: &str| SETTINGS.contains(&format!("row(\"{path}\","));
+        let has_children = all.iter().any(|other| other.starts_with(&format!(".{path}.")));
+        let parent = path.rsplit_once('.').map_or("", |(parent, _)| parent);
+        let is_other = NO_SETTINGS.iter().any(|of| path.starts_with(of));
+        let is_known = is_row(path) || is_row(parent) || has_children || is_other;
+        assert!(is_known, "expected a row of {path} in configuration/settings.rs, found none");
+        known.extend(is_row(path).then(|| path.to_owned()));
+    }
+    let rows = SETTINGS.matches("row(\"").count();
+    assert_eq!(known.len(), rows, "rows without a field of a study: {known:?}");
 }

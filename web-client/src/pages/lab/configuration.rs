@@ -6,6 +6,7 @@
 
 mod document;
 mod edit;
+mod settings;
 mod fields;
 mod questions;
 mod form;

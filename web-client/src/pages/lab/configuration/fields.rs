@@ -2,6 +2,7 @@
 //! about it.
 
 use super::document::{flag, get, list, number, text};
+use super::settings::{Control, Setting};
 use super::{Edit, Msg};
 use crate::form::FieldValue;
 use crate::pages::parts::button;
@@ -31,6 +32,21 @@ pub(super) struct Fields<'a> {
 }
 
 impl Fields<'_> {
+    /// The control of a setting.
+    pub(super) fn setting(&self, setting: &Setting) -> Node {
+        let Setting { path, control, label, hint } = *setting;
+        match control {
+            Control::Number(unit) => self.number(path, label, unit, hint),
+            Control::Tick => self.tick(path, label, hint),
+            Control::Line => self.line(path, label, hint),
+            Control::Short => self.line(path, label, hint).class("field"),
+            Control::Names => self.names(path, label, hint),
+            Control::Fact => self.fact(path, label, hint),
+            Control::Markdown => self.markdown(path, label, hint),
+            Control::Choice(words) => self.choice(path, label, hint, words),
+        }
+    }
+
     /// A field for a single-line text.
     pub(super) fn line(&self, path: &str, label: &str, hint: &str) -> Node {
         let input = el("input").attr("type", "text").attr("value", text(self.given, path));
@@ -56,13 +72,7 @@ impl Fields<'_> {
     }
 
     /// A selection list; `words` has the values and their labels.
-    pub(super) fn choice(
-        &self,
-        path: &str,
-        label: &str,
-        hint: &str,
-        words: &[(&str, &str)],
-    ) -> Node {
+    fn choice(&self, path: &str, label: &str, hint: &str, words: &[(&str, &str)]) -> Node {
         let at = path.to_owned();
         let select = self
             .select(path, words)
@@ -150,7 +160,7 @@ impl Fields<'_> {
     }
 
     /// Names, separated by commas.
-    pub(super) fn names(&self, path: &str, label: &str, hint: &str) -> Node {
+    fn names(&self, path: &str, label: &str, hint: &str) -> Node {
         let names: Vec<&str> = get(self.given, path)
             .and_then(Value::as_array)
             .map(|names| names.iter().filter_map(Value::as_str).collect())
@@ -173,7 +183,7 @@ impl Fields<'_> {
     }
 
     /// A field for a longer text in the current language.
-    pub(super) fn markdown(&self, path: &str, label: &str, hint: &str) -> Node {
+    fn markdown(&self, path: &str, label: &str, hint: &str) -> Node {
         let path = format!("{path}.{}", self.language);
         let area = el("textarea").attr("rows", 6).attr("lang", self.language);
         let area = entered_translation(area.text(text(self.given, &path)), &path);
@@ -181,7 +191,7 @@ impl Fields<'_> {
     }
 
     /// A fact about the study: one text for all languages, or a text in the current language.
-    pub(super) fn fact(&self, path: &str, label: &str, hint: &str) -> Node {
+    fn fact(&self, path: &str, label: &str, hint: &str) -> Node {
         match get(self.given, path) {
             Some(Value::Object(_)) => self.localised(path, label, hint),
             _ => self.line(path, label, hint),

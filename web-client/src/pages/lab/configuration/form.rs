@@ -6,6 +6,7 @@ use super::document::{flag, get, list, number, text};
 use super::edit::new_check;
 use super::fields::Fields;
 use super::questions;
+use super::settings::{SETTINGS, Setting};
 use super::{Edit, Msg};
 use crate::pages::parts::{button, count};
 use crate::view::{self, el};
@@ -78,6 +79,12 @@ impl Form<'_> {
         el("div").class("study-form").test_id("study-form").children(chooser).children(sections)
     }
 
+    /// The controls of a section's settings, or of a single setting.
+    fn settings(&self, of: &'static str) -> impl Iterator<Item = Node> {
+        let is_of = move |setting: &&Setting| setting.path.split('.').next() == Some(of);
+        SETTINGS.iter().filter(is_of).map(|setting| self.fields.setting(setting))
+    }
+
     fn study(&self) -> &Value {
         self.fields.study
     }
@@ -106,17 +113,6 @@ impl Form<'_> {
 
     fn about(&self) -> Section {
         let fields = &self.fields;
-        let slug = self.is_new.then(|| {
-            let hint = "In addresses: /s/NAME. Lower-case letters, digits and hyphens. It can never be changed after \
-                 the study is created.";
-            fields.line("slug", "Name in addresses", hint)
-        });
-        let status = self.is_new.then(|| {
-            let hint = "Closed: you can try and rehearse the study, but nobody can take part until you open it. Open: \
-                 everybody with the link can take part as soon as the study is created.";
-            let choices = [("closed", "closed"), ("open", "open")];
-            fields.choice("status", "The study begins", hint, &choices)
-        });
         let ticked = list(fields.given, "languages");
         let languages = self.languages.iter().map(|tag| {
             let is_so = ticked.iter().any(|known| known == tag);
@@ -136,26 +132,15 @@ impl Form<'_> {
                 "If none is ticked, participants choose among those in which all texts of the study are \
                  written. People who read none of the ticked languages get the first of these.",
             ));
-        let title =
-            fields.line("title", "Title", "The heading of the first page, in every language.");
-        let hint = "For rehearsals: programs take part (sidestep simulate), and no people. Every page, \
-                    export and report says so. This cannot be changed once someone has taken part.";
-        let synthetic = fields.tick("synthetic", "Synthetic participants only", hint);
-        let hint = "For your own reference, in the list of versions.";
-        let label = fields.line("version", "Label of this version", hint).class("field");
-        let hint = "Another number gives participants other scenes.";
-        let seed = fields.number("seed", "Seed of the scenes", "", hint);
+        let of_new = ["slug", "status"].into_iter().filter(|_| self.is_new);
+        let first = std::iter::once("title").chain(of_new);
+        let rows = first.chain(["version", "seed", "synthetic"]).flat_map(|it| self.settings(it));
         Section {
             name: "About the study",
             path: "title",
             said: String::new(),
             is_open: true,
-            fields: [title]
-                .into_iter()
-                .chain(slug)
-                .chain(status)
-                .chain([label, seed, synthetic, languages])
-                .collect(),
+            fields: rows.chain([languages]).collect(),
         }
     }
 
@@ -217,98 +202,38 @@ impl Form<'_> {
     }
 
     fn vehicles(&self) -> Section {
-        let fields = &self.fields;
-        let vehicle = |path: &str, name: &str| {
-            [
-                fields.number(
-                    &format!("parameters.{path}.speed_mps"),
-                    &format!("{name}: speed"),
-                    "m/s",
-                    "",
-                ),
-                fields.number(
-                    &format!("parameters.{path}.turn_rate_radps"),
-                    &format!("{name}: turn rate"),
-                    "rad/s",
-                    "",
-                ),
-            ]
-        };
-        let clock = [
-            fields.number("parameters.danger_radius_m", "Radius of the danger zone", "m", ""),
-            fields.number("parameters.step_s", "Time between two inputs", "s", ""),
-            fields.number("parameters.steps", "Steps of a scene", "steps", ""),
-        ];
-        let vehicles = vehicle("human", "Participant").into_iter().chain(vehicle("robot", "Robot"));
         Section {
             name: "Vehicles and clock",
             path: "parameters",
             said: format!("a scene lasts {} s", (scene_s(self.study()) * 1000.0).round() / 1000.0),
             is_open: true,
-            fields: vehicles.chain(clock).collect(),
+            fields: self.settings("parameters").collect(),
         }
     }
 
     fn encounters(&self) -> Section {
-        let number = |field: &str, label: &str, unit: &str| {
-            self.fields.number(&format!("encounters.{field}"), label, unit, "")
-        };
-        let mut fields = vec![
-            number("min_approach_rad", "Least angle between the headings", "rad"),
-            number("max_miss_share", "Greatest miss distance", "of the danger radius"),
-            number("min_entry_s", "Entry without a turn, earliest", "s"),
-            number("max_entry_s", "Entry without a turn, latest", "s"),
-            number("min_start_distance_m", "Distance at the start, least", "m"),
-            number("max_start_distance_m", "Distance at the start, greatest", "m"),
-            number("escape_clearance_m", "An escape keeps this distance from the danger zone", "m"),
-            number("escape_delay_s", "Participants can wait this long and still escape", "s"),
-        ];
-        fields.extend(
-            self.picture.clone().map(|picture| el("div").class("field wide").child(picture)),
-        );
+        let picture = self.picture.clone();
+        let picture = picture.map(|picture| el("div").class("field wide").child(picture));
         Section {
             name: "Scenes",
             path: "encounters",
             said: "which encounters are drawn, and how they are spread".to_owned(),
             is_open: false,
-            fields,
+            fields: self.settings("encounters").chain(picture).collect(),
         }
     }
 
     fn trials(&self) -> Section {
-        let fields = &self.fields;
         Section {
             name: "Course of a scene",
             path: "trials",
             said: "countdown, rests, interruptions".to_owned(),
             is_open: false,
-            fields: vec![
-                fields.number("trials.countdown_s", "Countdown", "s", ""),
-                fields.number("trials.end_s", "The last picture stays for", "s", ""),
-                fields.number(
-                    "trials.feedback_s",
-                    "With feedback, it stays for at least",
-                    "s",
-                    "1.5 s or more.",
-                ),
-                fields.number(
-                    "trials.rest_after",
-                    "A rest is offered after",
-                    "tasks",
-                    "0: no rests.",
-                ),
-                fields.tick(
-                    "trials.repeat_interrupted",
-                    "An interrupted task is driven once more at the end",
-                    "",
-                ),
-                fields.tick("trials.fullscreen", "Ask for the full screen", ""),
-            ],
+            fields: self.settings("trials").collect(),
         }
     }
 
     fn consent(&self) -> Section {
-        let fields = &self.fields;
         let study = self.study();
         let is_said = |path: &str| get(study, path).is_some_and(|it| *it != "" && *it != json!({}));
         let is_complete = is_said("consent.investigator") && is_said("consent.contact");
@@ -318,22 +243,7 @@ impl Form<'_> {
             said: if is_complete { "" } else { "participants read no name or no contact yet" }
                 .to_owned(),
             is_open: true,
-            fields: vec![
-                fields.fact("consent.investigator", "Investigator", ""),
-                fields.fact("consent.institution", "Institution", ""),
-                fields.fact(
-                    "consent.contact",
-                    "Contact",
-                    "An address that participants can write to.",
-                ),
-                fields.fact("consent.ethics", "Ethics approval", ""),
-                fields.fact("consent.retention", "How long and where data are kept", ""),
-                fields.markdown(
-                    "consent.text",
-                    "What participants agree to (Markdown)",
-                    "Empty: Sidestep’s own text.",
-                ),
-            ],
+            fields: self.settings("consent").collect(),
         }
     }
 
@@ -344,23 +254,6 @@ impl Form<'_> {
             .iter()
             .enumerate()
             .map(|(i, question)| questions::check(fields, i, list(question, "options").len()));
-        let hint =
-            "After this many attempts with a wrong answer, the participation ends. 0: never.";
-        let first = [
-            fields.tick(
-                "comprehension.standard",
-                "Ask Sidestep’s questions on the robot, the keys and the danger zone",
-                "",
-            ),
-            fields.number("comprehension.attempts", "Attempts", "", hint),
-            fields.number(
-                "comprehension.draw",
-                "Questions that each participant is asked",
-                "",
-                "Drawn at random from all, with six standard questions. 0: all, with the three standard ones.",
-            ),
-            fields.choice("comprehension.after_wrong", "After a wrong answer", "", &AFTER_WRONG),
-        ];
         let focused = format!(".text.{}", fields.language);
         let add = fields.add("comprehension.questions", "Add a question", new_check(), &focused);
         let own_count = list(self.study(), "comprehension.questions").len();
@@ -377,7 +270,7 @@ impl Form<'_> {
             path: "comprehension",
             said: if said.is_empty() { "none".to_owned() } else { said.join(", ") },
             is_open: false,
-            fields: first.into_iter().chain(own).chain([add]).collect(),
+            fields: self.settings("comprehension").chain(own).chain([add]).collect(),
         }
     }
 
@@ -407,13 +300,12 @@ impl Form<'_> {
     }
 
     fn closing(&self) -> Section {
-        let hint = "What participants read on the last page. Empty: only thanks.";
         Section {
             name: "Last page",
             path: "closing",
             said: String::new(),
             is_open: false,
-            fields: vec![self.fields.markdown("closing.debrief", "Debriefing (Markdown)", hint)],
+            fields: self.settings("closing").collect(),
         }
     }
 }
@@ -423,13 +315,6 @@ pub(super) fn offered<'a>(study: &'a Value, all: &'a [String]) -> Vec<&'a str> {
     let named: Vec<_> = list(study, "languages").iter().filter_map(Value::as_str).collect();
     if named.is_empty() { all.iter().map(String::as_str).collect() } else { named }
 }
-
-/// The options for what happens after a wrong answer in the check of understanding.
-const AFTER_WRONG: [(&str, &str); 3] = [
-    ("mark", "each answer is marked as right or wrong"),
-    ("renew", "other questions and orders, without saying which was wrong"),
-    ("reread", "the same, after the instructions again"),
-];
 
 /// Duration of a scene (s).
 fn scene_s(study: &Value) -> f64 {

@@ -49,43 +49,6 @@ impl Form<'_> {
                     fill(json!(["external_id"]), false, json!([]), json!([])),
                 ),
             ]);
-        let link = |field: &str, label: &str| {
-            let hint = "From the service, such as \
-                        https://app.prolific.com/submissions/complete?cc=CODE; empty: none.";
-            fields.line(&format!("recruitment.{field}"), label, hint)
-        };
-        let rows = vec![
-            presets,
-            fields.number(
-                "recruitment.quota",
-                "Participants who complete, at most",
-                "",
-                "0: no limit.",
-            ),
-            fields.number("recruitment.hold_min", "A place is held for", "min", ""),
-            fields.names(
-                "recruitment.external_id",
-                "Parameters of the link with the person’s id",
-                "Separated by commas. If a link has several of them, the first in this list is used.",
-            ),
-            fields.tick(
-                "recruitment.require_external_id",
-                "Require such an id",
-                "",
-            ),
-            fields.names("recruitment.record", "Other parameters of the link to store", ""),
-            fields.names(
-                "recruitment.return_hosts",
-                "Hosts that participants may be sent back to",
-                "Such as app.prolific.com.",
-            ),
-            link("completed_url", "Return link after completion"),
-            link("screened_out_url", "Return link for people who are screened out"),
-            link("withdrawn_url", "Return link for people who withdraw"),
-            link("finished_url", "Return link for people who come again after they have finished"),
-            link("full_url", "Return link for people who come when the study is full"),
-            link("closed_url", "Return link for people who come when the study is closed"),
-        ];
         let quota = number(self.study(), "recruitment.quota").unwrap_or_default();
         Section {
             name: "Recruitment",
@@ -96,7 +59,7 @@ impl Form<'_> {
                 "no limit".to_owned()
             },
             is_open: false,
-            fields: rows,
+            fields: std::iter::once(presets).chain(self.settings("recruitment")).collect(),
         }
     }
 }
