@@ -1,6 +1,6 @@
 //! The program `sidestep`: parses the command line, calls a subcommand, and reports errors.
 //!
-//! It is in the library, because a package that calls asynchronous functions compiles them again.
+//! It is in the library, because a separate package would compile the async functions again.
 
 use crate::commands::serve::LogFormat;
 use crate::commands::{
@@ -87,8 +87,8 @@ pub fn run() -> ExitCode {
 }
 
 async fn call(command: Command) -> Result<(), CommandError> {
-    // Handle SIGXFSZ, so that a write beyond the file size limit (ulimit -f) fails as on a full
-    // disk and does not kill the process.
+    // Handle SIGXFSZ, so that a write beyond the file size limit (ulimit -f) fails as on a full disk
+    // instead of killing the process.
     let _too_long = signal(SignalKind::from_raw(SIGXFSZ)).map_err(CommandError::failure)?;
     match command {
         Command::Serve(args) => serve::run(args).await,

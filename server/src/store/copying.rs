@@ -73,15 +73,14 @@ impl RowsCopy {
         hasher.finalize().into()
     }
 
-    /// Whether this copy of a participant is newer than the other copy: the participant was seen
-    /// later, their data were deleted, or there are more trials.
+    /// Whether this copy of a participant is newer than the other copy: the participant was seen later,
+    /// only this copy's data were deleted, or it has more trials and the other's data were not deleted.
     fn is_ahead_of(&self, other: &Self) -> bool {
         let [here, there] = [self, other].map(|copy| copy.number("last_seen_at_ms"));
         let has_more = self.trials() > other.trials() && !other.is_deleted();
         here > there || (self.is_deleted() && !other.is_deleted()) || has_more
     }
 
-    /// Whether the participant's data were deleted.
     fn is_deleted(&self) -> bool {
         self.number("data_deleted") == Some(1)
     }

@@ -1,5 +1,5 @@
-//! Operations on the database. Their type hides their work and result, so that the databases are
-//! compiled only once, and not for each operation.
+//! Operations on the database. A trait hides the types of their work and result, so that the code of
+//! the databases is compiled once, and not once per operation.
 
 use super::error::StoreError;
 use super::sql::{Connection, Question};
@@ -38,9 +38,9 @@ pub(super) fn run_together<'a>(
     done
 }
 
-/// Submits an operation that does this work to a database, and returns the result. The database
-/// answers every operation, also one that it refuses. `question` is the first query of the work, if
-/// it can be prefetched.
+/// Submits an operation that does this work to a database, and returns the result. The database answers
+/// every operation, even one that it refuses. `question` is the first query of the work, if it can be
+/// prefetched.
 pub(super) async fn result_of<T: Send + 'static, S: Future<Output = ()>>(
     question: Option<Question>,
     work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,

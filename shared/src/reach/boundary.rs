@@ -1,16 +1,15 @@
-//! The boundary of the planar set from one start pose, from its families of paths.
+//! The boundary of the planar set from one start pose, composed of families of extremal paths.
 //!
-//! * The **front** is reached by paths that get as far as possible in some direction: turn
-//!   toward it, then go straight (`front`; where straight is not always admissible, the
-//!   extremals of `singular`, and where these diverge beyond double precision,
-//!   `divergence`).
-//! * The **rear** is reached by bang-bang paths, whose rate switches between the bounds
-//!   (`rear`; more than once, `multi_switch`).
-//! * The **tube**, the union over all instants, is between the path at the lowest rates, the
-//!   final front, and the path at the highest rates.
+//! * **Front**: the ends of the paths that get farthest in some direction. They turn toward it and then
+//!   go straight (`front`). If driving straight is not always admissible, see `singular`, and for
+//!   extremals that diverge beyond double precision, `divergence`.
+//! * **Rear**: the ends of bang-bang paths, whose rate switches between the bounds once (`rear`) or
+//!   more often (`multi_switch`).
+//! * **Tube**: the union over all instants. It is bounded by the path with the lowest rates, the final
+//!   front, and the path with the highest rates.
 //!
-//! This holds where [`is_of_extremals`] is true. Front and rear are then graphs over the line
-//! across the middle of the headings, and the rear is the lower `envelope` of its families.
+//! This holds if [`is_of_extremals`] is true. Front and rear are then graphs over the line
+//! perpendicular to the middle heading, and the rear is the lower `envelope` of its families.
 
 mod extremal;
 mod divergence;
@@ -33,7 +32,7 @@ use singular::Piece;
 /// Buffers for polygons. Once they are large enough, nothing is allocated.
 #[derive(Clone, Debug, Default)]
 pub struct Workspace {
-    /// The boundary being made, in the human's frame, seconds of travel.
+    /// The boundary under construction, in the human's frame (s of travel).
     pub(super) boundary: Vec<Complex<f64>>,
     pub(super) curve: Vec<Complex<f64>>,
     pub(super) brush: Vec<Complex<f64>>,
@@ -47,9 +46,9 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    /// Replaces the boundary by that of the set after `step` steps. The polygon follows it within
-    /// `tolerance`, s, and each of its curves gets at least `least` edges. Once the budget is
-    /// spent, the boundary is unfinished.
+    /// Replaces the boundary by the boundary of the set after `step` steps. The polygon follows the
+    /// true boundary within `tolerance` (s), and each of its curves gets at least `least` edges. If the
+    /// budget is spent, the boundary is unfinished.
     pub(super) fn draw_step(
         &mut self,
         paths: &Paths,
@@ -80,8 +79,8 @@ impl Workspace {
         for curve in curves.iter() {
             envelope.add(curve.iter().map(|point| point * turned));
         }
-        // Front and rear touch at their ends, where their chords may cross: there the rear is kept
-        // just behind the front.
+        // Front and rear touch at their ends, and their chords may cross there. So the rear is kept
+        // slightly behind the front.
         let behind = thickness(tolerance);
         envelope.add(boundary.iter().map(|point| point * turned - behind));
         envelope.straighten();
@@ -93,12 +92,12 @@ impl Workspace {
         }));
         sampling::space(boundary, front);
         if !rises {
-            // Where extremals nearly coincide, rounding moves the front back a little.
+            // Where extremals nearly coincide, rounding errors can reverse edges of the front.
             outliner.tidy(boundary, budget);
         }
     }
 
-    /// Replaces the boundary by that of the tube over all steps; see [`Self::draw_step`].
+    /// Replaces the boundary by the boundary of the tube over all steps; see [`Self::draw_step`].
     pub(super) fn draw_tube(
         &mut self,
         paths: &Paths,
@@ -125,26 +124,26 @@ impl Workspace {
     }
 }
 
-/// Whether the boundary of the set after `steps` steps, and that of the tube up to then, consist of
-/// the curves drawn here: if the headings along each outermost path are within a quarter turn of
-/// each other, and no bounds just forbid driving straight, where extremals diverge too fast.
+/// Whether the boundaries of the set after `steps` steps and of the tube up to then consist of the
+/// curves drawn here. The headings along each outermost path must be within a quarter turn of each
+/// other, and no bounds may narrowly forbid driving straight, where extremals diverge too fast.
 ///
-/// For a tube this is proven: where the time is free, boundary paths arrive at a right angle to
-/// their direction, and switch only if the displacement from the switch to the end is at a right
-/// angle to the end heading. From their last switch on they turn like an outermost path. For a set
-/// at one instant, tests found no miss; where headings swing farther, they found some, since paths
-/// that switch several times then bound the set.
+/// For a tube this is proven. Because the end time is free, boundary paths arrive perpendicular to the
+/// outward normal. They switch only where the displacement to the end is perpendicular to the end
+/// heading. After their last switch, they turn like an outermost path. For a set at one instant, tests
+/// found no missed position. If headings swing farther, tests found some, because paths with
+/// several switches then bound the set.
 pub(super) fn is_of_extremals(paths: &Paths, steps: usize) -> bool {
     paths.swing(steps) <= FRAC_PI_2 && !paths.graze_straight(steps)
 }
 
-/// Least rise of each edge of a front, s, across the common direction, if no rounding interferes.
+/// Every edge of a front rises by more than this (s) across the middle heading, up to rounding errors.
 const LEAST_RISE: f64 = 1e-12;
 
 /// Approximate cost of tracing an extremal through a step, in units of a [`Budget`].
 const TRACING: usize = 4;
 
-/// Appends one of the two outermost paths, from the start on.
+/// Appends an outermost path, beginning at the start.
 fn outermost(
     path: &Path,
     steps: usize,
@@ -155,7 +154,7 @@ fn outermost(
     let (step_s, least) = (path.step_s(), least_pieces.div_ceil(steps));
     for step in 0..steps {
         let rate = path.turn(step).rate;
-        // Finer than the front: chords of both sides enlarge the area, and those of the front reduce it.
+        // Finer than the front, because chords enlarge the area here and reduce it at the front.
         let count = pieces(step_s, rate.abs(), 0.5 * tolerance, least);
         let turn = path.piece(step, count);
         let (mut point, mut facing) = (path.point(step), path.facing(step));

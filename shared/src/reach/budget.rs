@@ -118,7 +118,6 @@ impl<'a> Budget<'a> {
         self.spent.get()
     }
 
-    /// Whether the caller has cancelled.
     pub(super) fn is_cancelled(&self) -> bool {
         self.cancelled.get()
     }

@@ -211,9 +211,9 @@ impl ReachableSet {
         best
     }
 
-    /// For each of the states after steps 1, 2 … (world frame), whether it is reached after its step, as
-    /// in [`Self::contains_state`]. The work limit for a single state is divided among all states. A state that is not
-    /// decided within its share counts as inside.
+    /// For each of the states after steps 1, 2 … (world frame), whether it is reached after its step,
+    /// as in [`Self::contains_state`]. The work limit for a single state is divided among all states. A
+    /// state that is not decided within its share counts as inside.
     ///
     /// # Panics
     /// If there are more states than [`Self::steps`].

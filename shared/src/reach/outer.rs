@@ -167,7 +167,6 @@ pub(super) struct Outer {
     curve: Curve,
 }
 
-/// The caller's request.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Request {
     pub(super) steps: usize,
@@ -340,7 +339,7 @@ impl Outer {
             let (_, spread) = middle_and_spread(paths, step);
             let mut pieces = step_s * cbrt(weight(step)) / scale;
             if request.tube {
-                // Then, at the sides of the tube, a piece adds at most a quarter of the accuracy.
+                // Then a piece adds at most a quarter of the accuracy at the sides of the tube.
                 let (rate, _) = middle_and_spread(paths, step);
                 let bend = spread + rate.abs();
                 pieces = pieces.max(step_s * (0.5 * bend / request.accuracy).sqrt());

@@ -302,7 +302,6 @@ impl Curves {
         self.points.last().copied()
     }
 
-    /// Iterates over the curves.
     pub(super) fn iter(&self) -> impl Iterator<Item = &[Complex<f64>]> + '_ {
         let ends = self.starts.iter().skip(1).copied().chain([self.points.len()]);
         self.starts.iter().zip(ends).map(|(&start, end)| &self.points[start..end])

@@ -50,9 +50,9 @@ struct Profile {
     test: bool,
 }
 
-/// The tests in the server's package. Its own code is compiled once more for them, without
-/// optimisation: that saves five minutes, and they run for seconds. Cargo cannot select them alone
-/// without compiling other packages again, with other features.
+/// Cargo's arguments for the tests in the server's package. Its own code is compiled once more for
+/// them, without optimisation. This saves five minutes, and the tests run for seconds. Cargo cannot
+/// select them alone without compiling other packages again with other features.
 const OF_SERVER: [&str; 5] = [
     "--lib",
     "--test",
@@ -64,7 +64,7 @@ const OF_SERVER: [&str; 5] = [
 /// Compiles every test program.
 ///
 /// # Errors
-/// When compiling fails.
+/// If compiling fails.
 pub(super) fn compile(workspace: &Workspace) -> Result<Vec<Program>> {
     let compiled = |name: &'static str, cargo: &mut Command| {
         eprintln!("==> {name}");

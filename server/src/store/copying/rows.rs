@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rows {
     rows: Vec<Vec<Value<'static>>>,
-    /// The numbers of trials.
+    /// The numbers of the rows, if they are trials.
     numbers: Vec<i64>,
 }
 
@@ -56,7 +56,7 @@ impl Rows {
         }
     }
 
-    /// Adds all values to a hash: each with its kind and, if its length varies, its length.
+    /// Adds the number of rows to a hash, and each value with its kind and length.
     pub(super) fn hash(&self, hasher: &mut Sha256) {
         hasher.update((self.rows.len() as u64).to_le_bytes());
         for value in self.rows.iter().flatten() {
@@ -77,7 +77,7 @@ impl Rows {
     }
 }
 
-/// The rows of a table that belong to the participant or analysis with this id. Without an id, all rows.
+/// A table's rows that belong to the participant or analysis with this id, or all rows without an id.
 pub(super) fn read(db: &Connection, table: &Table, id: Option<&str>) -> Result<Rows, StoreError> {
     match id {
         Some(id) => read_where(db, table, table.of, Some(&id)),

@@ -23,9 +23,9 @@ use tokio::sync::mpsc;
 pub enum Salvaged {
     /// A study, without its participants and analyses.
     Study(Box<StudyCopy>),
-    /// A participant of the study with this number.
+    /// A participant, and the id of the study's row.
     Participant(i64, RowsCopy),
-    /// An analysis of the study with this number.
+    /// An analysis, and the id of the study's row.
     Analysis(i64, RowsCopy),
     /// Keys and audit trail.
     Access(RowsCopy),
@@ -72,7 +72,7 @@ impl RowsCopy {
     }
 }
 
-/// The key of rows of a participant that have no names.
+/// A key for a participant's unnamed rows, which gives their number. Returns `None` if there are none.
 fn counted(rows: usize, participant: &str) -> Option<String> {
     (rows > 0).then(|| format!("({rows} of participant {participant})"))
 }
@@ -90,7 +90,8 @@ impl Store {
         .await
     }
 
-    /// Stores the rows of a participant one by one. Returns the rows that the database refuses.
+    /// Stores a participant's rows or, without a target, the keys and the audit trail, row by row.
+    /// Returns the rows that the database refuses.
     ///
     /// # Errors
     /// [`StoreError`] if the transaction fails.
@@ -146,11 +147,11 @@ struct Reader<'a> {
     walks: HashMap<&'static str, Walk>,
     /// Trials that were read or reported as lost.
     seen: HashSet<String>,
-    /// The hash of each configuration that was read: as stored, and as its content gives it.
+    /// The stored hash of each configuration that was read, and the hash of its content.
     configs: HashMap<String, String>,
 }
 
-/// The columns with the key of a row, and with its owner.
+/// The columns that contain a row's key and its owner.
 fn key_and_owner(table: &str) -> [&'static str; 2] {
     match table {
         "study" => ["slug", "slug"],
@@ -323,7 +324,7 @@ impl Reader<'_> {
         Ok(walk)
     }
 
-    /// The highest rowid, or the largest integer if it is unknown.
+    /// The highest rowid, else the highest one ever assigned, else `i64::MAX`.
     fn last(&self, table: &str) -> i64 {
         let highest = format!("SELECT max(rowid) FROM {table} NOT INDEXED");
         let highest = self.db.query_row(&highest, [], |row| row.get::<_, Option<i64>>(0));
@@ -350,7 +351,7 @@ impl Reader<'_> {
         Ok(rows)
     }
 
-    /// Reports as lost the trials that were counted when they were stored, and are no longer there.
+    /// Reports trials as lost that were counted when they were stored, but are no longer there.
     fn lose_uncounted(&self, id: &str, there: usize) -> Result<(), StoreError> {
         let query = "SELECT stored FROM tally WHERE participant_id = $1";
         let stored = self.db.query_row(query, [id], |row| row.get::<_, i64>(0));

@@ -28,9 +28,9 @@ pub(in crate::store) fn open(options: &SqliteConnectOptions) -> Result<Connectio
 
 /// A connection that only reads, and changes no file even when it is closed.
 pub(super) fn untouching(file: &DatabaseFile) -> Result<Connection> {
-    // If no process can change the file, `immutable` keeps SQLite from creating a log and its index
-    // beside it. This user may not be allowed to create them, or the file's owner could not use
-    // them.
+    // If this user cannot change the file and no process uses it, `immutable` keeps SQLite from
+    // creating a log and its index beside it. This user may not be allowed to create them, or the
+    // file's owner could not use them.
     open(&options(file.path(), WRITE_PATIENCE).read_only(true).immutable(file.is_fixed()))
 }
 

@@ -93,7 +93,7 @@ impl DatabaseFile {
         Self { path: path.to_owned(), log: with_end(&target, "-wal") }
     }
 
-    /// The file that SQLite keeps beside this one, with this suffix to its name.
+    /// The file that SQLite keeps beside this one, with this suffix.
     fn beside(&self, end: &str) -> PathBuf {
         with_end(&self.path.canonicalize().unwrap_or_else(|_| self.path.clone()), end)
     }
@@ -163,7 +163,6 @@ impl DatabaseFile {
         self.has_log() || self.lock().is_ok_and(|lock| lock.is_none())
     }
 
-    /// The path of the write-ahead log.
     pub(super) fn log(&self) -> &Path {
         &self.log
     }

@@ -76,7 +76,7 @@ async fn a_log_whose_index_was_overwritten_is_not_written_back() {
     ] {
         let file = of(format!("{name}.db"));
         let db = with_rows(&file, 0..30).await;
-        // This compares the log with its index. The log does not change after it.
+        // This check compares the log with its index. The log does not change afterwards.
         db.original.check_all().unwrap();
         let index = File::options().write(true).open(file.index()).unwrap();
         index.write_all_at(&junk, at).unwrap();
@@ -258,7 +258,7 @@ async fn damage_of_a_log_is_told_from_a_power_cut() {
     ] {
         assert_eq!(misplaced(name, at, bytes), Some(Misplaced::Damaged), "{name}");
     }
-    // A log that is too short for a frame. SQLite would delete it.
+    // Logs that are too short for a frame. SQLite would delete them.
     let log = std::fs::read(of("study.db").log()).unwrap();
     for (content, told) in [
         (&log[..20], Some(Misplaced::Damaged)),

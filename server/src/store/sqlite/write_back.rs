@@ -32,7 +32,6 @@ const MOST_ROUNDS: usize = 8;
 enum Turn {
     /// Nobody: the log is short, or was left as it is.
     Nobody,
-    /// The thread.
     Thread,
     /// The writer, because only few pages are left.
     Writer,

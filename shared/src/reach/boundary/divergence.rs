@@ -1,11 +1,12 @@
 //! Extremals that diverge beyond double precision.
 //!
-//! Traced backward, two extremals that switch from the highest to the lowest rate shortly after one another
-//! diverge, the faster the closer to straight they are there: where bounds forbid straight driving by 10⁻⁴
-//! rad/s, their distance grows several thousandfold in one step. After a few such steps, two neighbours whose
-//! parameters at the end differ in the last bit have metres of the front between their starts. So such
-//! neighbours are traced back until just before they diverge, and the extremals between them get a new
-//! parameter there: the share of the way from one to the other.
+//! Two extremals that switch from the highest to the lowest rate shortly after each other diverge when
+//! they are traced backward. The closer to straight they are at the switch, the faster they diverge. If
+//! bounds forbid driving straight by 10⁻⁴ rad/s, their distance grows several thousandfold in one step.
+//! After a few such steps, metres of the front lie between two neighbours whose parameters at the end
+//! differ in the last bit. So such neighbours are traced back until just before they diverge. There,
+//! the extremals between them get a new parameter: the fraction of the way from one neighbour to the
+//! other.
 
 use super::super::budget::Budget;
 use super::super::paths::Paths;
@@ -22,24 +23,24 @@ pub(super) struct Neighbours {
     pub(super) at: PathTime,
 }
 
-/// Extremals closer than this, rad and s, represent all between them: an end moves by no more.
+/// Extremals closer together than this (rad and s) represent all between them, because the end moves by
+/// no more.
 const CLOSE: f64 = 1e-9;
 
-/// Two extremals that are neighbours in the family and closer than this, rad and s, have not diverged.
+/// Neighbours in the family that are closer together than this (rad and s) have not diverged.
 const NEIGHBOURING: f64 = 1e-5;
 
-/// A search for the instant of divergence traces extremals through about this many more steps than
-/// tracing back to the start.
+/// A search for the instant of divergence costs about this many times as much as tracing to the start.
 const SEARCH: usize = 2;
 
-/// Neighbours are followed from one divergence to the next at most this often.
+/// Maximum number of successive divergences through which neighbours are followed.
 pub(super) const MOST_DIVERGENCES: u32 = 16;
 
-/// Accuracy of the instant of divergence, s: a divergence takes longer.
+/// Accuracy of the instant of divergence (s). A divergence takes longer.
 const INSTANT: f64 = 1e-13;
 
 impl Neighbours {
-    /// The extremal at `share` of the way from the first to the last, where they are.
+    /// The extremal at the fraction `share` of the way from the first to the last, at the same instant.
     pub(super) fn between(&self, share: f64) -> Costate {
         self.first.between(&self.last, share)
     }
@@ -55,7 +56,8 @@ impl Neighbours {
         self.first.is_near(&self.last, CLOSE)
     }
 
-    /// The two just before they diverge, going back to `until` at most; `None` if they have diverged already.
+    /// The two extremals just before they diverge, traced back to `until` at most. Returns `None` if
+    /// they have already diverged.
     pub(super) fn before_divergence(&self, paths: &Paths, until: PathTime) -> Option<Self> {
         if !self.first.is_near(&self.last, NEIGHBOURING) {
             return None;
@@ -86,7 +88,7 @@ impl Neighbours {
         Some(together)
     }
 
-    /// Appends the ends of the extremals between the two, excluding their own, and follows them
+    /// Appends the ends of the extremals between the two, without the ends of the two. Follows them
     /// through at most `divergences` further divergences.
     pub(super) fn bridge(
         &self,
@@ -109,7 +111,7 @@ impl Neighbours {
         };
         let bridge = |from: f64, to: f64, points: &mut Vec<Complex<f64>>| {
             let nearer = Self { first: close.between(from), last: close.between(to), at: close.at };
-            // Otherwise they diverge at once.
+            // Otherwise, they diverge at once, and another search would begin at the same instant.
             if close.at < self.at && divergences > 0 {
                 nearer.bridge(paths, tolerance, divergences - 1, (points, budget));
             }

@@ -2,17 +2,17 @@
 
 use nalgebra::Complex;
 
-/// Heights, s, that differ by less count as equal.
+/// Values of y (s) that differ by less count as equal.
 const LEVEL: f64 = 1e-11;
 
 /// The lower envelope of the curves added so far.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Envelope {
-    /// y never falls.
+    /// The current envelope. y never falls.
     base: Vec<Complex<f64>>,
-    /// Where the next envelope is written.
+    /// Buffer for the next envelope.
     next: Vec<Complex<f64>>,
-    /// A stretch of a curve along which y rises.
+    /// A part of a curve along which y is monotonic.
     run: Vec<Complex<f64>>,
 }
 
@@ -21,13 +21,13 @@ impl Envelope {
         self.base.clear();
     }
 
-    /// Its points, y rising.
+    /// The points, ordered by y.
     pub(super) fn points(&self) -> &[Complex<f64>] {
         &self.base
     }
 
-    /// Removes points between others at the same y, up to rounding: where one curve ends and
-    /// another begins, the envelope would zigzag.
+    /// Removes points whose two neighbours have the same y, up to rounding. Otherwise, the envelope
+    /// would zigzag where one curve ends and another begins.
     pub(super) fn straighten(&mut self) {
         let level = |three: &[Complex<f64>]| three[2].im - three[0].im < LEVEL;
         self.next.clear();
@@ -38,15 +38,16 @@ impl Envelope {
         core::mem::swap(&mut self.base, &mut self.next);
     }
 
-    /// The first curve, whose y must not fall, defines the range of y; of the others, each stretch of rising or
-    /// falling y counts within this range. Points of a curve must differ by more than rounding errors.
+    /// Adds a curve. The first curve defines the range of y, and its y must not fall. Of other curves,
+    /// each part with monotonic y counts within this range. Points of a curve must differ by more than
+    /// rounding errors.
     pub(super) fn add(&mut self, curve: impl Iterator<Item = Complex<f64>>) {
         if self.base.is_empty() {
             self.base.extend(curve);
             return;
         }
         self.run.clear();
-        // By how much the curve rose last, if the run has begun.
+        // The last change of y, or 0 at the beginning.
         let mut slope = 0.0;
         for point in curve {
             if let Some(&last) = self.run.last() {
@@ -79,8 +80,7 @@ impl Envelope {
     }
 }
 
-/// Whether `run` is anywhere below `base`; if so, it is at a vertex of either. Most stretches are
-/// not and need not be merged.
+/// Whether `run` is below `base` at any vertex of either. Most parts are not and need not be merged.
 fn reaches_below(base: &[Complex<f64>], run: &[Complex<f64>]) -> bool {
     let (low, high) = (run[0].im, run[run.len() - 1].im);
     let first = base.partition_point(|point| point.im < low);
@@ -103,11 +103,11 @@ fn reaches_below(base: &[Complex<f64>], run: &[Complex<f64>]) -> bool {
         })
 }
 
-/// The smaller of `base` and `run`, where `run` is defined; y rises in both.
+/// Writes the lower envelope of `base` and `run`. y rises in both.
 fn merge(base: &[Complex<f64>], run: &[Complex<f64>], merged: &mut Vec<Complex<f64>>) {
     let (low, high) = (run[0].im, run[run.len() - 1].im);
     let (mut b, mut r) = (0, 0);
-    // Whether `run` was below at the last height, and by how much.
+    // The last y at which both are defined, and x of `run` minus x of `base` there.
     let mut previous: Option<(f64, f64)> = None;
     while b < base.len() {
         let y = if r < run.len() { base[b].im.min(run[r].im) } else { base[b].im };
@@ -130,7 +130,7 @@ fn merge(base: &[Complex<f64>], run: &[Complex<f64>], merged: &mut Vec<Complex<f
         }
         match (from_base, gap) {
             (Some(x), Some(gap)) if gap < 0.0 => {
-                // Where `run` begins or ends below, the envelope jumps.
+                // Where `run` begins or ends below `base`, the envelope jumps.
                 if previous.is_none() {
                     merged.push(Complex::new(x, y));
                 }
@@ -148,7 +148,7 @@ fn merge(base: &[Complex<f64>], run: &[Complex<f64>], merged: &mut Vec<Complex<f
     }
 }
 
-/// x of a curve at height `y`: at its vertex `next`, or on the edge before it.
+/// x of a curve at `y`: at its vertex `next` if `at` is true, otherwise on the edge before it.
 fn value(curve: &[Complex<f64>], next: usize, at: bool, y: f64) -> Option<f64> {
     if at {
         return Some(curve[next].re);

@@ -1,40 +1,38 @@
-//! Extremal paths, traced backward from where they end (Pontryagin's principle).
+//! Extremal paths, traced backward from their end (Pontryagin's principle).
 //!
-//! A path whose end is the farthest in some direction θ turns at the highest
-//! rate while it is left of the line through its end in that direction, and at
-//! the lowest while it is right of it: turning a piece of the path moves its end
-//! across the line of sight. Let φ = ψ − θ, and let `rest` be the remaining displacement, seen
-//! along θ. Then the costate of the heading is p = −Im(rest): p > 0 requires the highest rate,
-//! p < 0 the lowest. At the end p = 0, and going back along an arc both φ and rest have a closed
-//! form, so each extremal is exact; one number (φ at the end) identifies it. An arc with p = 0 throughout
-//! is straight, with φ = 0: a singular arc.
+//! A path whose end is the farthest in a direction θ turns at the highest rate to the left of the line
+//! through its end in this direction, and at the lowest rate to the right, because a turn moves the end
+//! perpendicular to the remaining displacement. Let φ = ψ − θ for the heading ψ, and let `rest` be the
+//! remaining displacement in the frame rotated by θ. Then the costate of the heading is p = −Im(rest):
+//! p > 0 requires the highest rate and p < 0 the lowest. At the end p = 0. Backward along an arc, φ and
+//! `rest` have closed forms, so each extremal is exact, and φ at the end identifies it. An arc with
+//! p = 0 throughout is straight with φ = 0: a singular arc.
 
 use super::super::paths::{Paths, Turn, unit};
 use super::super::sampling::Sample;
 use crate::math::{PI, atan2};
 use nalgebra::Complex;
 
-/// An extremal at some instant, seen from its end.
+/// The state of an extremal at one instant, relative to its end.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Costate {
-    /// Heading less the direction θ, rad.
+    /// Heading minus the direction θ (rad).
     pub(super) phi: f64,
     /// e^{iφ}.
     facing: Complex<f64>,
-    /// The remaining displacement, in the frame turned by θ, seconds of travel.
+    /// The remaining displacement, in the frame rotated by θ (s of travel).
     pub(super) rest: Complex<f64>,
     /// Number of switches between the bounds from here to the end.
     pub(super) switches: usize,
-    /// Which bound holds just after this instant; at the end, and after a
-    /// straight arc, `Side::Straight`.
+    /// The bound just after this instant. `Side::Straight` at the end, and if a straight arc follows.
     side: Side,
-    /// The switch traced last, the earliest in time.
+    /// The switch traced last, which is the earliest in time.
     switch: Switch,
-    /// The second variation: shifting two neighbouring switching times so that the end stays on
-    /// its line along θ moves it back by this (times a square), or less. Below 0 the path is not
-    /// even locally the farthest on that line.
+    /// The smallest second variation so far, at most 0. Shifting two neighbouring switches, so that the
+    /// end stays on its line along θ, moves the end back by at least this (times a square). If
+    /// negative, the path is not even locally the farthest on this line.
     pub(super) second_variation: f64,
-    /// The step of the last switch but one.
+    /// The step of the second-to-last switch.
     pub(super) before_last: Option<usize>,
     /// Cost of tracing it so far, in units of a budget.
     pub(super) work: usize,
@@ -43,13 +41,13 @@ pub(super) struct Costate {
 /// Where the rate switches from one bound to the other.
 #[derive(Clone, Copy, Debug)]
 struct Switch {
-    /// The remaining distance along θ, s.
+    /// The remaining distance along θ (s).
     rest: f64,
-    /// How much a shift by a given angle costs along θ, 1/s: |sin φ| by the width of the bounds.
+    /// The loss along θ per squared angle of a shift (s): |sin φ| divided by the width of the bounds.
     cost: f64,
 }
 
-/// An instant: `seconds` after the beginning of a step. The order is that of time.
+/// An instant, `seconds` after the beginning of a step. Instants are ordered by time.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub(super) struct PathTime {
     pub(super) step: usize,
@@ -57,7 +55,7 @@ pub(super) struct PathTime {
 }
 
 impl PathTime {
-    /// The beginning of a step; for the step after the last one, the end.
+    /// The beginning of a step. For the step after the last one, this is the end.
     pub(super) fn beginning(step: usize) -> Self {
         Self { step, seconds: 0.0 }
     }
@@ -70,16 +68,17 @@ enum Side {
     High,
 }
 
-/// Costates closer to zero than this, s, count as zero: they are rounding errors.
+/// Costates closer to zero than this (s) are rounding errors and count as zero.
 const ZERO_COSTATE: f64 = 1e-15;
 
-/// Cost of a turn, in units of a budget: if p keeps its sign; otherwise, if the turn is short or long.
+/// Costs of a turn, in units of a budget: if p keeps its sign, and otherwise for turns below and above
+/// [`BRIEF`].
 const KEEPING: usize = 3;
 const CROSSING_BRIEFLY: usize = 8;
 const CROSSING: usize = 24;
 
-/// Paths with more switches than this for each step are not traced further: only a path that
-/// chatters about φ = π has that many.
+/// Only a path that chatters about φ = π has more switches than this per step. It is not traced
+/// further.
 const MOST_SWITCHES: usize = 8;
 
 impl Costate {
@@ -101,7 +100,7 @@ impl Costate {
         }
     }
 
-    /// `seconds` earlier, having turned at `rate`.
+    /// The state `seconds` earlier, if the path turns at `rate`.
     pub(super) fn before(mut self, rate: f64, seconds: f64) -> Self {
         (self.facing, self.rest) = self.seen_before(&Turn::new(rate, seconds));
         self.phi -= rate * seconds;
@@ -110,12 +109,12 @@ impl Costate {
 
     /// `facing` and `rest` before a turn.
     fn seen_before(&self, turn: &Turn) -> (Complex<f64>, Complex<f64>) {
-        // An arc seen backward turns the other way: conjugates.
+        // Backward, an arc turns the other way, hence the conjugates.
         let rest = self.rest + self.facing * turn.moved.conj();
         (self.facing * turn.turned.conj(), rest)
     }
 
-    /// The same extremal at an earlier instant, if this is at `from`.
+    /// The extremal at the earlier instant `to`, if `self` is at `from`.
     pub(super) fn back(mut self, paths: &Paths, from: PathTime, to: PathTime) -> Self {
         let most = MOST_SWITCHES * paths.steps();
         for step in (to.step..=from.step).rev() {
@@ -128,17 +127,18 @@ impl Costate {
         self
     }
 
-    /// The same extremal at the beginning of step `step`, if this is at its end.
+    /// Traces the extremal back from the end of `step` to its beginning.
     pub(super) fn back_a_step(&mut self, paths: &Paths, step: usize) {
         self.through(paths, step, paths.step_s, MOST_SWITCHES * paths.steps());
     }
 
-    /// The same extremal at the start, if this is at `from`.
+    /// The extremal at the start, if `self` is at `from`.
     pub(super) fn to_start(self, paths: &Paths, from: PathTime) -> Self {
         self.back(paths, from, PathTime::beginning(0))
     }
 
-    /// `left` seconds earlier in step `step`; meaningless if there are more than `most` switches.
+    /// Traces the extremal back by `left` seconds within `step`. The result is meaningless after more
+    /// than `most` switches.
     fn through(&mut self, paths: &Paths, step: usize, mut left: f64, most: usize) {
         loop {
             if self.rest.im.abs() < ZERO_COSTATE {
@@ -183,7 +183,7 @@ impl Costate {
         }
     }
 
-    /// Records that the rate switches here, in step `step`, between bounds of this width.
+    /// Records a switch in `step` between bounds that differ by `width`.
     fn note_switch(&mut self, step: usize, width: f64) {
         let switch = Switch { rest: self.rest.re, cost: self.facing.im.abs() / width };
         self.switches += 1;
@@ -191,8 +191,8 @@ impl Costate {
             self.before_last = Some(step);
         }
         if self.switches > 1 {
-            // The path between the switches turns by 1/(before − after), the path after the later
-            // one by −1/after; these denominators are left out here.
+            // The path between the switches rotates by 1/(before − after), and the path after the later
+            // switch by −1/after. The squares of these denominators are omitted.
             let (before, after) = (switch.rest, self.switch.rest);
             let variation = switch.cost * after * after
                 + self.switch.cost * before * before
@@ -202,9 +202,8 @@ impl Costate {
         self.switch = switch;
     }
 
-    /// Whether p certainly does not pass zero between this instant and an earlier
-    /// one, less than half a turn away, with these `facing` and `rest`: Im(rest) is monotone
-    /// between them, or bulges away from zero.
+    /// Whether p certainly keeps its sign back to an instant with these `facing` and `rest`, less than
+    /// half a turn away. Then Im(rest) is monotonic in between, or bulges away from zero.
     fn keeps_sign(&self, facing: Complex<f64>, rest: Complex<f64>) -> bool {
         let (im, growth, before) = (self.rest.im, self.facing.im, facing.im);
         if im == 0.0 {
@@ -214,26 +213,26 @@ impl Costate {
         }
     }
 
-    /// Whether two extremals at the same instant differ by less than `by`, rad and s.
+    /// Whether two extremals at the same instant differ by less than `by` (rad and s).
     pub(super) fn is_near(&self, other: &Self, by: f64) -> bool {
         (self.phi - other.phi).abs() < by && (self.rest - other.rest).norm_sqr() < by * by
     }
 
-    /// An extremal between two that are close, at `share` of the way to the other.
+    /// Interpolates between two close extremals, at the fraction `share` of the way to the other.
     pub(super) fn between(&self, other: &Self, share: f64) -> Self {
         let phi = self.phi + share * (other.phi - self.phi);
         let rest = self.rest + (other.rest - self.rest) * share;
         Self { phi, facing: unit(phi), rest, work: 0, ..*self }
     }
 
-    /// Where the extremal ends, seen from its start, if this is its start. Its
-    /// normal there is the direction θ = −φ.
+    /// The end of the extremal relative to its start, if `self` is at the start. The normal of the
+    /// boundary at the end is θ = −φ.
     pub(super) fn sample(self) -> Sample {
         let direction = self.facing.conj();
         Sample { point: direction * self.rest, direction }
     }
 
-    /// Which bound holds just before this instant.
+    /// The bound that holds just before this instant.
     fn side_before(&self, lo: f64, hi: f64) -> Side {
         let p = -self.rest.im;
         if p > 0.0 {
@@ -242,7 +241,7 @@ impl Costate {
         if p < 0.0 {
             return Side::Low;
         }
-        // p vanishes here, and grows by sin φ: before, it had the other sign.
+        // p is 0 here and its time derivative is sin φ, so p had the opposite sign just before.
         let growth = self.facing.im;
         if growth > 0.0 || (growth == 0.0 && hi < 0.0) {
             Side::Low
@@ -253,13 +252,12 @@ impl Costate {
         }
     }
 
-    /// Turning at `rate`: how many seconds before this instant p passes zero, if fewer than
-    /// `left`, and the turn until then.
+    /// The time (s) since p was last zero, if the path turns at `rate`, and the turn in between.
+    /// Returns `None` unless this time is below `left`.
     ///
-    /// With z = (2/rate)·tan(rate·seconds/2), Im(rest) vanishes where
-    /// a·z² − b·z − Im(rest) = 0, a = (rate/2)·(cos φ − rate·Im(rest)/2), b = sin φ.
-    /// Unlike the difference of two arc cosines, its roots keep all their digits
-    /// where φ and the rate are close to zero.
+    /// With z = (2/rate)·tan(rate·seconds/2), Im(rest) vanishes where a·z² − b·z − Im(rest) = 0, with
+    /// a = (rate/2)·(cos φ − rate·Im(rest)/2) and b = sin φ. Unlike a difference of two arc cosines,
+    /// its roots keep all their digits if φ and the rate are close to zero.
     fn back_to_zero(&self, rate: f64, left: f64) -> Option<(f64, Turn)> {
         let im = self.rest.im;
         if im.abs() >= left {
@@ -272,12 +270,12 @@ impl Costate {
             return None;
         }
         let q = b + discriminant.sqrt().copysign(b);
-        // At Im(rest) = 0 the root z = 0 is this instant itself.
+        // If Im(rest) = 0, the root z = 0 is this instant itself.
         let roots = [0.5 * q / a, if im == 0.0 { f64::NAN } else { -2.0 * im / q }];
         if rate.abs() * left < BRIEF {
             let nearest = |z: f64, other: f64| if 0.0 < other && other < z { other } else { z };
             let z = roots.into_iter().fold(f64::INFINITY, nearest);
-            // The tangent of half the turn is little more than half the turn.
+            // For such a short turn, z exceeds the time by less than 5 %.
             if z > 1.05 * left {
                 return None;
             }
@@ -289,8 +287,8 @@ impl Costate {
     }
 }
 
-/// Turns by less than this, rad, need no arc tangent, and none of their roots comes after half
-/// a turn.
+/// Turns by less than this (rad) need no arc tangent. They have no root beyond half a turn, where z is
+/// negative.
 const BRIEF: f64 = 0.3;
 
 /// atan(x)/x for |x| < 0.16, to full precision.
@@ -303,8 +301,7 @@ fn brief_atan(x: f64) -> f64 {
     1.0 - x2 * (1.0 / 3.0 - x2 * (1.0 / 5.0 - x2 * sum))
 }
 
-/// The first time > 0 at which (2/rate)·tan(rate·time/2) is `z`, s; infinite if
-/// there is none.
+/// The first time > 0 (s) at which (2/rate)·tan(rate·time/2) is `z`; infinite if there is none.
 fn seconds(z: f64, rate: f64) -> f64 {
     let half = 0.5 * rate.abs();
     let turned = if half * z.abs() < 1e-8 { z } else { atan2(half * z, 1.0) / half };
@@ -324,7 +321,7 @@ mod tests {
     use crate::bounds::InputBounds;
     use crate::math::SeededRng;
 
-    /// How far in a direction the ends of random sequences of rates get.
+    /// The farthest that random sequences of rates get in a direction.
     fn best_of_many(paths: &Paths, direction: Complex<f64>, rng: &mut SeededRng) -> f64 {
         let mut best = f64::NEG_INFINITY;
         for _ in 0..3000 {

@@ -1,5 +1,5 @@
-//! The front of a planar set: the ends of the paths that get farthest, from the
-//! lowest-rate path's end to the highest-rate path's.
+//! The front of a planar set: the ends of the paths that get farthest, from the end of the lowest-rate
+//! path to the end of the highest-rate path.
 
 use super::super::budget::Budget;
 use super::super::paths::{Path, Paths};
@@ -8,8 +8,7 @@ use super::divergence::MOST_DIVERGENCES;
 use super::singular::{self, Piece};
 use nalgebra::Complex;
 
-/// Appends the front after `steps` ≥ 1 steps, right to left, seconds of travel.
-/// `family` is overwritten.
+/// Appends the front after `steps` ≥ 1 steps (s of travel), from right to left. Overwrites `family`.
 pub(super) fn front(
     paths: &Paths,
     steps: usize,
@@ -33,8 +32,8 @@ pub(super) fn front(
     space(points, from);
 }
 
-/// If straight is always admissible: turn like `path` for some time and go straight, from no turn
-/// to the whole path.
+/// Appends the ends of the paths that turn like `path` for some time and then go straight, without the
+/// end of `path` itself. Driving straight must always be admissible.
 fn turn_then_straight(
     path: &Path,
     steps: usize,
@@ -49,8 +48,8 @@ fn turn_then_straight(
             continue;
         }
         let mut straight_s = (steps - step) as f64 * step_s;
-        // x″ is −rate²·(straight) across the path, and rate along it, where a
-        // chord turns away by at most rate·step.
+        // Across the curve, x″ is rate²·straight_s. Along the curve it is `rate`, and a chord deviates
+        // from the tangent by at most rate·step_s.
         let bend = rate * rate * (straight_s + step_s);
         let count = pieces(step_s, bend, tolerance, least);
         let piece_s = step_s / count as f64;
@@ -65,7 +64,7 @@ fn turn_then_straight(
     }
 }
 
-/// In general: every extremal whose end heading is near its direction.
+/// Appends the ends of all extremals of [`singular::pieces`], for any bounds.
 fn extremals(
     paths: &Paths,
     steps: usize,

@@ -1,11 +1,10 @@
 //! Extremals of the rear whose rate switches more than once.
 //!
-//! Their rates switch back and forth about the backward direction, φ = π. If both switches are
-//! between wide bounds, shifting the two switching times together gets farther back, so such a path
-//! does not bound the set (the second variation of [`Costate`] is below 0). The others have a
-//! switch where bounds are narrow, and exist only for short ranges of end headings φ. To find them
-//! all, the search begins where the last switch passes from one step to the next, and continues
-//! while the switch before it skips a step.
+//! They switch back and forth around the backward direction, φ = π. If two neighbouring switches are
+//! between wide bounds, shifting both moves the end farther back, so the path does not bound the set:
+//! its second variation ([`Costate`]) is negative. The other paths switch between narrow bounds, and
+//! exist only for short ranges of the end heading φ. To find them all, the search begins where the last
+//! switch passes from one step to the next, and continues while the second-to-last switch skips a step.
 
 use super::super::budget::Budget;
 use super::super::paths::{Path, Paths};
@@ -13,40 +12,41 @@ use super::super::sampling::{Curves, Sample, triangle_height};
 use super::extremal::Costate;
 use crate::math::{PI, TAU, atan2};
 
-/// If straight driving is always admissible, the bounds of a step are wide if the rates span at
-/// most this many times their width: no rear path with more than one switch has a switch between
-/// wide bounds. Measured: at 2.5 times, two switches gain 0.3 mm in 2 s; at 2 times, nothing.
+/// If driving straight is always admissible, the bounds of a step are wide if the range of all rates is
+/// at most this many times their width. No rear path with more than one switch has a switch between
+/// wide bounds. Measured: at 2.5 times, two switches gain 0.3 mm in 2 s; at 2 times, they gain nothing.
 const WIDE: f64 = 2.0;
 
-/// More switches than one gain at most this share of the travel time, times the square of the
-/// angle, rad, that the highest rate turns by in it. Measured: 0.0015.
+/// Upper bound on the gain of more than one switch, as a fraction of the travel time multiplied by the
+/// square of the angle (rad) that the highest rate turns by in this time. Measured: 0.0015.
 const MOST_GAIN: f64 = 0.002;
 
-/// Where straight driving is always admissible and bounds are less asymmetric than this on average (0: equally
-/// wide on both sides; 1: no width on one side), nothing is gained. Measured: no gain up to 0.4.
+/// If driving straight is always admissible and the mean asymmetry of the bounds is below this, nothing
+/// is gained. The asymmetry of a step is 0 if the narrower side of its bounds has at least a quarter of
+/// the range of all rates, and 1 if this side has no width. Measured: no gain up to 0.4.
 const ASYMMETRY: f64 = 0.3;
 
-/// Above that asymmetry, the gain rises at most this many times as steeply as a straight line to
-/// [`MOST_GAIN`]. Measured: 1.35.
+/// Above [`ASYMMETRY`], the gain rises at most this many times as steeply as a straight line that
+/// reaches [`MOST_GAIN`] at an asymmetry of 1. Measured: 1.35.
 const STEEPNESS: f64 = 1.5;
 
-/// Extremals with more switches than this plus one for each step are not considered.
+/// Extremals with more switches than this plus the number of steps are ignored.
 const MOST_SWITCHES: usize = 3;
 
-/// A range of end headings is halved at most this often. Where the ends jump, more halvings would
-/// only come closer to the jump.
+/// Maximum depth of halving a range of end headings. Where the ends of paths jump, further halving
+/// would only approach the jump.
 const MOST_HALVINGS: u32 = 20;
 
-/// Accuracy of the ends of a range of end headings, as a multiple of the tolerance divided by the
-/// travel time, rad. Measured: up to 8 nothing is lost; at 32 the first positions are.
+/// Accuracy (rad) of the limits of a range of end headings, as a multiple of the tolerance divided by
+/// the travel time. Measured: up to 8, nothing is lost; at 32, the first positions are.
 const EDGE: f64 = 3.0;
 
-/// Extremals that end nearer than this, rad, to φ = π are not traced: exactly there, they may
-/// chatter without end.
+/// Extremals that end closer to φ = π than this (rad) are not traced, because at φ = π they may chatter
+/// without end.
 const AT_REST: f64 = 1e-6;
 
-/// Appends the ends of the extremals with more than one switch that may stay farther back than
-/// those with one by more than half of `tolerance`.
+/// Appends the ends of the extremals with more than one switch, unless they gain at most half of
+/// `tolerance`.
 pub(super) fn append(
     paths: &Paths,
     steps: usize,
@@ -71,8 +71,8 @@ pub(super) fn append(
             let end = search.trace(phi);
             let matters = search.narrow(step) || search.skips(start, end);
             if matters || start.more || end.more {
-                // Several times as many as a smooth curve as long as the horizon needs. Where the
-                // ends of extremals chatter, no number suffices.
+                // Several times as many as a smooth curve of the horizon's length needs. Where the ends
+                // chatter, no number is enough.
                 let mut traces = 64 + (2.0 * (search.seconds / tolerance).sqrt()) as usize;
                 search.connect(start, end, (MOST_HALVINGS, &mut traces), curves);
             }
@@ -82,8 +82,9 @@ pub(super) fn append(
     curves.nodes = nodes;
 }
 
-/// Replaces `nodes` by the end headings at which a search begins, in order from `near` on, each with the step
-/// of the last switch up to that heading. After the switch, the extremals follow `path`.
+/// Replaces `nodes` by the end headings at which a search begins, from `near` to `far`. Each has the
+/// step of the last switch between the previous end heading and this one. After this switch, the
+/// extremals follow `path`.
 fn last_switches(
     path: &Path,
     steps: usize,
@@ -95,7 +96,7 @@ fn last_switches(
     let reach = |phi: f64| (phi - near) * side;
     nodes.clear();
     nodes.extend((0..steps).filter_map(|step| {
-        // The displacement from the switch to the end points straight back along θ.
+        // The displacement from the switch to the end is opposite to θ.
         let back = (path.point(step) - end) * facing.conj();
         let phi = -atan2(back.im, back.re);
         let phi = if phi < 0.0 { phi + TAU } else { phi };
@@ -105,16 +106,16 @@ fn last_switches(
     nodes.sort_unstable_by(|a, b| reach(a.0).total_cmp(&reach(b.0)));
 }
 
-/// An extremal traced to the start.
+/// An extremal, traced back to the start.
 #[derive(Clone, Copy)]
 struct Trace {
-    /// At the end, rad.
+    /// φ at the end (rad).
     phi: f64,
-    /// Whether it has few enough switches, and may be the farthest back.
+    /// Whether it has few enough switches and its second variation is not negative.
     candidate: bool,
     /// Whether it is a candidate with more than one switch.
     more: bool,
-    /// One more than the step of the last switch but one; 0 if there is none.
+    /// One more than the step of the second-to-last switch; 0 if there is none.
     before_last: usize,
     sample: Sample,
 }
@@ -124,9 +125,9 @@ struct Search<'a> {
     steps: usize,
     seconds: f64,
     tolerance: f64,
-    /// Whether straight driving is always admissible.
+    /// Whether driving straight is always admissible.
     straight: bool,
-    /// The highest rate to the left and, without sign, to the right.
+    /// The highest rates to the left and to the right, both ≥ 0.
     rates: (f64, f64),
     budget: &'a Budget<'a>,
 }
@@ -140,14 +141,13 @@ impl<'a> Search<'a> {
         Self { paths, steps, seconds, tolerance, straight, rates: (left, right), budget }
     }
 
-    /// Whether a switch between the bounds of this step may belong to one of these paths. Where
-    /// straight driving is not always admissible, any may.
+    /// Whether a path with more than one switch may switch between the bounds of this step.
     fn narrow(&self, step: usize) -> bool {
         let width = self.paths.hi[step] - self.paths.lo[step];
         !self.straight || WIDE * width < self.rates.0 + self.rates.1
     }
 
-    /// Upper bound, s, on how much farther back these paths stay.
+    /// Upper bound (s) on the gain of more than one switch.
     fn gain(&self) -> f64 {
         let turn = self.rates.0.max(self.rates.1) * self.seconds;
         let most = MOST_GAIN * self.seconds * turn * turn;
@@ -177,15 +177,15 @@ impl<'a> Search<'a> {
         Trace { phi, candidate, more, before_last, sample: costate.sample() }
     }
 
-    /// Whether, between two extremals, the last switch but one skips steps with narrow bounds.
+    /// Whether the second-to-last switch skips steps with narrow bounds between two extremals.
     fn skips(&self, start: Trace, end: Trace) -> bool {
         let (a, b) = (start.before_last, end.before_last);
         (a.min(b) + 1..a.max(b)).any(|place| self.narrow(place - 1))
     }
 
-    /// Appends the ends of the extremals between two, except those with too many switches and those
-    /// at jumps, where an extremal passes near a singular one and its neighbours diverge. Traces at
-    /// most `traces` extremals.
+    /// Appends the ends of the extremals between two others, except those that are no candidates and
+    /// those at jumps, where an extremal passes near a singular one and its neighbours diverge. Traces
+    /// at most `traces` extremals.
     fn connect(
         &self,
         start: Trace,
@@ -217,7 +217,7 @@ impl<'a> Search<'a> {
             curves.points().extend([through, to]);
             return;
         }
-        // If one is a candidate and the other is not, a range that bounds the set may be in between.
+        // If only one of the two is a candidate, extremals between them may bound the set.
         let differ = |a: Trace, b: Trace| a.candidate != b.candidate;
         for (a, b) in [(start, middle), (middle, end)] {
             if any || differ(a, b) || self.skips(a, b) {

@@ -1,8 +1,8 @@
 //! The rear of a planar set: the ends of the paths that stay farthest back.
 //!
-//! Driving straight gains nothing here: these paths are bang-bang, their rate switches between its bounds. One
-//! switch is enough where the bounds are the same in every step; otherwise a path may have to cross the line
-//! through its end more often, so extremals with two or more switches are added.
+//! Driving straight gains nothing here, so the rate of these paths switches between its bounds
+//! (bang-bang). One switch is enough if the bounds are the same in every step. Otherwise, a path may
+//! have to cross the line through its end more often, so extremals with two or more switches are added.
 
 use super::super::budget::Budget;
 use super::super::paths::{Path, Paths};
@@ -10,9 +10,8 @@ use super::super::sampling::{Curves, pieces};
 use super::multi_switch;
 use nalgebra::Complex;
 
-/// Appends curves, the first from right to left, that contain the rear after
-/// `steps` ≥ 1 steps. All their points are reachable; the first two curves join the
-/// ends of the two outermost paths.
+/// Appends curves that contain the rear after `steps` ≥ 1 steps. All their points are reachable. The
+/// first two curves join the ends of the two outermost paths; the first one runs from right to left.
 pub(super) fn candidates(
     paths: &Paths,
     steps: usize,
@@ -30,8 +29,8 @@ pub(super) fn candidates(
     multi_switch::append(paths, steps, tolerance, curves, budget);
 }
 
-/// Appends the ends of the paths that follow `first`, then take the rates of `last`, for every
-/// switching time: the curve runs from the end of `last` to the end of `first`.
+/// Appends the ends of the paths that follow `first` and then take the rates of `last`, for all
+/// switching times: from the end of `last` to the end of `first`.
 fn one_switch(
     first: &Path,
     last: &Path,
@@ -50,8 +49,8 @@ fn one_switch(
         }
         let remaining = end - last.point(step);
         let length = remaining.norm_sqr().sqrt();
-        // x″ is −width²·remaining across the curve, and width·(the heading of `last`),
-        // of which only the part across counts.
+        // x″ is the sum of −width²·remaining, which is perpendicular to the curve, and
+        // −i·width·(direction of `last`), of which only the perpendicular component counts.
         let ahead = last.facing(step).conj() * remaining;
         let slant = (ahead.im / length).abs() + (width + other.rate.abs()) * step_s;
         let bend = width * (width * (length + step_s) + slant);
@@ -61,7 +60,7 @@ fn one_switch(
             return;
         }
         let (turn, other) = (first.piece(step, count), last.piece(step, count));
-        // The path after the switch is turned by the difference of the headings.
+        // After the switch, the path is the rest of `last`, rotated by the difference of the headings.
         let back = other.turned.conj();
         let (mut point, mut facing) = (first.point(step), first.facing(step));
         let mut seen = ahead;

@@ -1,12 +1,10 @@
-//! Which extremals make up the front, in order, where driving straight is not
-//! always admissible.
+//! The ordered family of extremals that form the front if driving straight is not always admissible.
 //!
-//! Seen backward from the end, the extremals start side by side (φ rising, p = 0)
-//! and keep their order. Where straight is admissible, one of them may run with
-//! φ = 0 and p = 0: the *singular* one. At each instant an extremal may leave it to either
-//! side, so a whole *fan* of extremals springs from it. It begins at the last
-//! instant at which some extremal, coming backward, meets φ = 0 and p = 0 while
-//! straight is admissible, and it stops where straight is not admissible.
+//! Traced backward from the end, the extremals start side by side (φ rising, p = 0) and keep their
+//! order. Where straight is admissible, one of them may run with φ = 0 and p = 0: the *singular*
+//! extremal. At each instant, an extremal may leave it to either side, so a *fan* of extremals emanates
+//! from it. Traced backward, the singular extremal begins at the last instant at which an extremal
+//! reaches φ = 0 and p = 0 while straight is admissible. It stops where straight is not admissible.
 
 use super::super::budget::Budget;
 use super::super::paths::Paths;
@@ -16,30 +14,29 @@ use super::extremal::{Costate, PathTime};
 use crate::math::cos;
 use nalgebra::Complex;
 
-/// A stretch of the ordered family; its parameter runs from `from` to `to` as φ rises.
+/// A part of the ordered family. Its parameter runs from `from` to `to` as φ rises.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Piece {
     pub(super) from: f64,
     pub(super) to: f64,
-    /// Where its extremals are side by side.
+    /// The instant at which its extremals are side by side.
     origin: PathTime,
     kind: Kind,
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Kind {
-    /// Ends with φ = parameter.
+    /// The extremal ends with φ = parameter.
     End,
-    /// Turned at `rate` in step `step` for the first `parameter` seconds of it, then ran straight
-    /// along the singular extremal. `rest` is the remaining distance from the beginning of the step
-    /// if all of it is straight.
+    /// The extremal turns at `rate` for the first `parameter` seconds, and then runs straight along the
+    /// singular extremal. `rest` is the remaining distance at the origin if the whole step is straight.
     Fan { rate: f64, rest: f64 },
-    /// Between two that are about to diverge; the parameter is the share of the way.
+    /// Between two extremals that are about to diverge. The parameter is the fraction of the way.
     Between { first: Costate, last: Costate },
 }
 
 impl Piece {
-    /// The extremal named by `parameter`, at its origin.
+    /// The extremal with this parameter, at the origin.
     fn at_origin(&self, parameter: f64) -> Costate {
         match self.kind {
             Kind::End => Costate::end(parameter),
@@ -52,31 +49,31 @@ impl Piece {
         }
     }
 
-    /// The extremal named by `parameter`, at an instant not after the origin.
+    /// The extremal with this parameter, at an instant not after the origin.
     fn at(&self, paths: &Paths, instant: PathTime, parameter: f64) -> Costate {
         self.at_origin(parameter).back(paths, self.origin, instant)
     }
 
-    /// The extremal named by `parameter`, at the start.
+    /// The extremal with this parameter, at the start.
     pub(super) fn start(&self, paths: &Paths, parameter: f64) -> Costate {
         self.at_origin(parameter).to_start(paths, self.origin)
     }
 
-    /// Two of its extremals.
+    /// The extremals with these two parameters, at the origin.
     pub(super) fn between(&self, from: f64, to: f64) -> Neighbours {
         let [first, last] = [from, to].map(|parameter| self.at_origin(parameter));
         Neighbours { first, last, at: self.origin }
     }
 
-    /// Its first extremal, and the last one of the piece to the left.
+    /// Its first extremal and the last one of the piece to the left, at the earlier of the two origins.
     pub(super) fn neighbours(&self, left: &Self, paths: &Paths) -> Neighbours {
         let at = if self.origin < left.origin { self.origin } else { left.origin };
         Neighbours { first: self.at(paths, at, self.from), last: left.at(paths, at, left.to), at }
     }
 }
 
-/// Replaces `family` by the front's extremals for a horizon of `steps` steps, φ rising (left
-/// to right). Once the budget is spent, some are missing.
+/// Replaces `family` by the front's extremals for a horizon of `steps` steps, with φ rising (left to
+/// right). If the budget is spent, some are missing.
 pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>, budget: &Budget<'_>) {
     let (left, right) = paths.end_phi_range(steps);
     let end = |from, to| Piece { from, to, origin: PathTime::beginning(steps), kind: Kind::End };
@@ -110,7 +107,7 @@ pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>, budge
             }
         };
         singular = Some((place, rest));
-        // The earlier an extremal leaves, the nearer it is to φ = 0.
+        // The earlier the instant at which an extremal leaves, the closer it stays to φ = 0.
         let (lo, hi) = (paths.lo[step], paths.hi[step]);
         let origin = PathTime::beginning(step);
         let fan = |from, to, rate| Piece { from, to, origin, kind: Kind::Fan { rate, rest } };
@@ -126,23 +123,23 @@ pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>, budge
 
 /// The extremal that becomes singular in some step.
 struct Onset {
-    /// In the family: the first piece to the right of it.
+    /// Index in the family of the first piece to its right.
     place: usize,
     /// Seconds from the beginning of the step to the onset.
     seconds: f64,
-    /// The remaining distance from the beginning of the step, straight until the onset.
+    /// The remaining distance at the beginning of the step, if straight until the onset.
     rest: f64,
 }
 
-/// Half of the gap that the family leaves around a singular extremal (in rad, in s or as a share), so
-/// that rounding does not put a neighbour on the wrong side.
+/// Half the gap (rad, s or a fraction) around a singular extremal in the family, so that rounding moves
+/// no neighbour to the wrong side.
 const GAP: f64 = 1e-12;
 
-/// If p (s) is at least this, rounding does not put a neighbour of a singular extremal on the wrong side.
+/// If |p| is at least this (s), rounding moves no neighbour of a singular extremal to the wrong side.
 const CLEAR: f64 = 1e-12;
 
-/// If no extremal of the family is singular at the end of step `step`, in which straight is
-/// admissible: the one that becomes singular in it, if any. The family is split there.
+/// The extremal that becomes singular in `step`, if any. Splits the family there. Driving straight
+/// must be admissible in this step, and no extremal may be singular at its end.
 fn onset(paths: &Paths, step: usize, family: &mut Vec<Piece>) -> Option<Onset> {
     let bounds = (paths.lo[step], paths.hi[step]);
     let end = PathTime::beginning(step + 1);
@@ -159,7 +156,7 @@ fn onset(paths: &Paths, step: usize, family: &mut Vec<Piece>) -> Option<Onset> {
             })?
         }
     };
-    // Between two that have diverged by now, there are others.
+    // If the two have diverged, there are other extremals between them.
     for _ in 0..MOST_DIVERGENCES {
         let gap = family[place].neighbours(&family[place - 1], paths);
         if gap.back(paths, end).are_one() {
@@ -168,14 +165,15 @@ fn onset(paths: &Paths, step: usize, family: &mut Vec<Piece>) -> Option<Onset> {
         let Some(close) = gap.before_divergence(paths, end) else {
             break;
         };
-        // From left to right.
+        // The piece runs from left to right.
         let kind = Kind::Between { first: close.last, last: close.first };
         family.insert(place, Piece { from: 0.0, to: 1.0, origin: close.at, kind });
         place = split(paths, step, family, place);
     }
     let (left, right) = (&family[place - 1], &family[place]);
     let [above, below] = [left.at(paths, end, left.to), right.at(paths, end, right.from)];
-    // Where the rate on one side is zero, the value jumps, and no extremal may arrive.
+    // If the rate on one side is zero, the value jumps there, and possibly no extremal becomes
+    // singular.
     let [more, less] = [above, below].map(|costate| p_at_zero(costate, bounds).abs());
     if more.min(less) > NEAR && more.max(less) == f64::INFINITY {
         return None;
@@ -188,8 +186,7 @@ fn onset(paths: &Paths, step: usize, family: &mut Vec<Piece>) -> Option<Onset> {
     (seconds > 0.0).then_some(Onset { place, seconds, rest })
 }
 
-/// Splits a piece where its extremal becomes singular in step `step`; returns the place of
-/// the right part.
+/// Splits a piece at the extremal that becomes singular in `step`. Returns the index of the right part.
 fn split(paths: &Paths, step: usize, family: &mut Vec<Piece>, place: usize) -> usize {
     let bounds = (paths.lo[step], paths.hi[step]);
     let end = PathTime::beginning(step + 1);
@@ -220,13 +217,13 @@ fn split(paths: &Paths, step: usize, family: &mut Vec<Piece>, place: usize) -> u
     place + 1
 }
 
-/// Costates closer to zero than this, s, may stand for zero.
+/// Costates closer to zero than this (s) may be zero.
 const NEAR: f64 = 1e-9;
 
 const MOST_BISECTIONS: u32 = 60;
 
-/// The value of p with which an extremal, going back from the end of a step in
-/// which straight is admissible, meets φ = 0. It falls as φ rises.
+/// The value of p when an extremal, traced back from the end of a step that admits straight driving,
+/// reaches φ = 0. It falls as φ rises.
 fn p_at_zero(costate: Costate, (lo, hi): (f64, f64)) -> f64 {
     let p = -costate.rest.im;
     let (phi, rate) = (costate.phi, if costate.phi > 0.0 { hi } else { lo });

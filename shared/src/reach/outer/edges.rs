@@ -1,4 +1,4 @@
-//! The edges of curves, lines and arcs, and where they cross.
+//! The edges of curves (line segments and arcs), and their intersections.
 
 use super::super::paths::unit;
 use super::Point;
@@ -11,7 +11,7 @@ pub(super) enum Edge {
     /// An arc of at most a quarter of a circle.
     Arc {
         centre: Point,
-        /// Counter-clockwise.
+        /// Whether it is counter-clockwise.
         left: bool,
     },
 }
@@ -23,10 +23,10 @@ pub(super) struct Corner {
     pub(super) edge: Edge,
 }
 
-/// Square of a length, s of travel, that counts as zero.
+/// A squared length (in s² of travel) that counts as zero.
 pub(super) const NOTHING: f64 = 1e-24;
 
-/// Widest arc, rad.
+/// Widest arc (rad).
 const WIDEST: f64 = 0.5 * PI;
 
 impl Corner {
@@ -38,7 +38,7 @@ impl Corner {
         Self { point: self.point * by, edge }
     }
 
-    /// Rotates it about the origin and moves it.
+    /// Rotates it about the origin, then moves it.
     pub(super) fn place(&mut self, turned: Point, moved: Point) {
         self.point = self.point * turned + moved;
         if let Edge::Arc { centre, .. } = &mut self.edge {
@@ -51,7 +51,7 @@ pub(super) fn cross(a: Point, b: Point) -> f64 {
     a.re * b.im - a.im * b.re
 }
 
-/// Where the circles or lines of two edges, each with its ends, cross.
+/// Intersections of the circles or lines of two edges, each given with its ends.
 pub(super) fn crossings(e: (Edge, Point, Point), f: (Edge, Point, Point)) -> [Option<Point>; 2] {
     let both = |middle: Point, off: Point| [Some(middle + off), Some(middle - off)];
     match (e, f) {
@@ -87,7 +87,7 @@ pub(super) fn crossings(e: (Edge, Point, Point), f: (Edge, Point, Point)) -> [Op
     }
 }
 
-/// Appends an arc of this width, rad, about the origin, without its end.
+/// Appends an arc of this width (rad) about the origin, without its end.
 pub(super) fn arc(from: Point, to: Point, width: f64, left: bool, corners: &mut Vec<Corner>) {
     if from.norm_sqr() < NOTHING || width <= 0.0 && from == to {
         return;

@@ -1,4 +1,4 @@
-//! Reading a study of a damaged file.
+//! Reads a study from a damaged file.
 
 use super::super::{StudyCopy, study_copy, versions};
 use super::Reader;
@@ -22,7 +22,7 @@ impl Reader<'_> {
             self.lose("study_version", format!("{number} of {slug}"), "it cannot be read")?;
         }
         if study.versions.is_empty() {
-            // A study has at least one version. This one is read like any other.
+            // There is always a version, so the study's own row becomes version 1.
             study.versions.push((1, study.config_hash.clone(), study.created_at_ms, false));
         }
         for (hash, json) in std::mem::take(&mut study.configs) {
@@ -65,7 +65,7 @@ impl Reader<'_> {
         Ok(Some(study))
     }
 
-    /// A study of which some rows cannot be read.
+    /// A study with unreadable rows, assembled from the others.
     fn parts_of_study(&mut self, slug: &str) -> Result<Option<StudyCopy>, StoreError> {
         let db = self.db;
         let Some(&(study_id, _)) = self.rowids("study", slug)?.first() else { return Ok(None) };
@@ -76,7 +76,7 @@ impl Reader<'_> {
         let versions = self.unless_lost("study_version", slug, versions(db, study_id))?;
         let versions = versions.unwrap_or_default();
         let (config_hash, created_at_ms) = match (own.map_err(StoreError::from), &versions[..]) {
-            // The versions have the same data as the row.
+            // The versions have the same data as the study's row.
             (Err(StoreError::Corrupt(_)), [(_, _, created_at_ms, _), ..]) => {
                 (versions[versions.len() - 1].1.clone(), *created_at_ms)
             }

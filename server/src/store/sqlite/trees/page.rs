@@ -59,7 +59,8 @@ pub(super) fn is_ascending(before: i64, below: &[(i64, u32)], last: i64) -> bool
         .all(|(one, next)| one < next)
 }
 
-/// The interior page above these pages. It replaces the page with this content.
+/// An interior page above these pages. It replaces the page `content`, and keeps its first `header`
+/// bytes.
 pub(super) fn inner(below: &[(i64, u32)], content: &[u8], header: usize) -> Vec<u8> {
     let mut page = content[..header].to_vec();
     page.resize(content.len(), 0);
