@@ -3,7 +3,7 @@
 use crate::database_check::{self, Report, Wrong};
 use crate::store::copying::salvage::{Lost, Salvaged};
 use crate::store::{Store, StoreError};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use tokio::sync::mpsc;
 
 /// Fills a new database with all data of `from` that are readable and sound, after replaying every trial.
@@ -16,6 +16,13 @@ pub async fn salvage(
     to: &Store,
     mut lost: impl FnMut(Lost),
 ) -> Result<Report, StoreError> {
+    // Several studies can have the same configuration.
+    let mut named = HashSet::new();
+    let mut lost = |row: Lost| {
+        if named.insert((row.table.clone(), row.key.clone())) {
+            lost(row);
+        }
+    };
     let (sender, found) = mpsc::channel(4);
     let reading = from.salvage(sender);
     let writing = async {
