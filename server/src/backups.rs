@@ -50,7 +50,7 @@ pub enum BackupError {
 pub enum FaultyTrials {
     /// A backup with a faulty trial is refused.
     Refused,
-    /// Faulty trials are copied unchanged, so that the backup still has everything else.
+    /// Faulty trials are copied unchanged and do not prevent the backup.
     Kept,
 }
 

@@ -39,7 +39,7 @@ pub async fn salvage(
                         && is_of_a_value(error)
                         && study.has_functions()
                     {
-                        // They can be computed again.
+                        // Value functions can be computed again.
                         let key = format!("of study {}", study.slug);
                         lost(Lost::new("safety_function", key, error.to_string()));
                         begun = to.begin_copy(study.without_functions()).await;
@@ -107,7 +107,7 @@ pub async fn salvage(
     }
 }
 
-/// Whether the new database did not accept a value of the old one.
+/// Whether this error may mean that the new database rejected a value of the old one.
 fn is_of_a_value(error: &StoreError) -> bool {
     matches!(error, StoreError::Defect(_) | StoreError::Corrupt(_) | StoreError::Locked)
 }

@@ -24,8 +24,8 @@ pub struct Writer(pub Visitor);
 /// The holder of a valid token, even if their participation has ended.
 pub struct MeOrGone(pub Visitor);
 
-/// A participant who may write, and the trial in the URL, which is in their plan. Both are checked
-/// before the body is read, so that other clients cannot send a body.
+/// A participant who may write, and the trial in the URL, which is in their plan. Participant and trial
+/// are checked before the body is read, so that other clients cannot send a body.
 pub struct Assigned {
     /// The participant.
     pub participant_id: String,

@@ -31,8 +31,8 @@ impl Bounded {
         Self { turns, waiting: AtomicUsize::new(0), most_waiting, pause: 0 }
     }
 
-    /// Adds a pause after each piece of work, `pause` times as long as the work. A flood of
-    /// requests then leaves most of the time for other requests.
+    /// Adds a pause after each piece of work, `pause` times as long as the work. During a flood of such
+    /// requests, this work then occupies its threads for only 1/(1 + `pause`) of the time.
     #[must_use]
     pub fn with_pauses(self, pause: u32) -> Self {
         Self { pause, ..self }

@@ -53,8 +53,8 @@ pub async fn check(
     checked(&app, draft).await.map(Json)
 }
 
-/// `POST /api/v1/admin/drafts/form`: like [`check`], for the values of a form. They are written as
-/// a study file.
+/// `POST /api/v1/admin/drafts/form`: like [`check`], for the values of a form. The server first writes
+/// these values as a study file.
 pub async fn check_form(
     _: Reader,
     State(app): State<Arc<App>>,

@@ -22,7 +22,8 @@ pub struct Published {
 }
 
 impl Published {
-    /// Renders the documentation. `shell` is the site's page for it, without its content.
+    /// Renders the documentation. `shell` is the documentation page of the site, with a placeholder for
+    /// the content.
     ///
     /// # Panics
     /// If the template is invalid, which is a defect of this program.

@@ -118,8 +118,8 @@ fn is_synthetic(body: &Enrolment) -> bool {
     said == Some(&Value::Bool(true))
 }
 
-/// A hash of the request id, the external id, and whether the request is for a pilot. They identify
-/// a request.
+/// A hash of the request id, the external id, and whether the request is for a pilot. Together, these
+/// three identify a request.
 fn request_hash(body: &Enrolment) -> Option<[u8; 32]> {
     let kind = if body.pilot { "pilot " } else { "" };
     body.request_id.as_ref().map(|id| match &body.external_id {

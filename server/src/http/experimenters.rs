@@ -200,8 +200,8 @@ async fn session(app: &App, cookie: &str) -> Result<Option<Holder>, ApiError> {
     Ok(None)
 }
 
-/// The hash under which an experimenter's session is stored. For the key in the environment variable, the
-/// hash depends on this key, so that a server with another key accepts none of its sessions.
+/// The hash under which an experimenter's session is stored. For the key in the environment variable,
+/// the hash depends on this key, so that a server with another key accepts no session of this key.
 #[must_use]
 pub fn session_hash(app: &App, me: &Experimenter, cookie: &str) -> [u8; 32] {
     match (&app.environment_key, me.key_id) {

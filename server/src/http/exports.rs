@@ -86,7 +86,8 @@ fn configuration(digits: &str, known: &[(String, String)]) -> Result<String, Inv
     }
 }
 
-/// `GET /api/v1/admin/studies/{slug}/export?format=…`: an archive. Without a format, the steps as CSV.
+/// `GET /api/v1/admin/studies/{slug}/export?format=…`: an archive. Without a format, the response is
+/// the steps as CSV.
 pub async fn export(
     Exporter(me): Exporter,
     State(app): State<Arc<App>>,

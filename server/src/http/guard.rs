@@ -62,8 +62,9 @@ pub async fn no_store(request: Request, next: Next) -> axum::response::Response 
     answer
 }
 
-/// Refuses requests that a page of another site makes a browser send. Programs send neither header.
-/// They are accepted, because they send no cookie unintentionally.
+/// Refuses requests that a page of another site makes a browser send. Programs other than browsers send
+/// neither `Sec-Fetch-Site` nor `Origin`. Their requests are accepted, because such programs send no
+/// cookie unintentionally.
 pub async fn same_site(request: Request, next: Next) -> axum::response::Response {
     let safe = matches!(*request.method(), Method::GET | Method::HEAD | Method::OPTIONS);
     if safe || is_same_origin(request.headers()) {

@@ -92,7 +92,7 @@ impl ListParams {
 }
 
 /// `GET /api/v1/admin/studies/{slug}/participants`: a page of participants, with external ids and
-/// codes if the key has export access. With `?format=csv`, the whole table.
+/// codes if the key has export access. With `?format=csv`, the response is the whole table.
 pub async fn list(
     Reader(me): Reader,
     State(app): State<Arc<App>>,

@@ -109,7 +109,8 @@ pub struct PredictorParams {
 }
 
 /// `GET /api/v1/admin/trials/{trial_id}/predictor`: a model trained on this participant's earlier trials.
-/// `?features=SET` selects its feature set. With `?analysis=ID&file=NAME`, a model of an analysis.
+/// `?features=SET` selects its feature set. `?analysis=ID&file=NAME` selects a model of an analysis
+/// instead.
 pub async fn predictor(
     _: Reader,
     State(app): State<Arc<App>>,

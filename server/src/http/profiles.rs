@@ -43,8 +43,8 @@ pub async fn show(
     }
     let config = app.store.config(&found.config_hash).await?;
     let study = app.store.study(&found.study).await?.ok_or_else(unknown)?;
-    // Participants are counted at the latest version that equals their configuration, apart from
-    // the status.
+    // A participant counts for the latest version that equals the participant's configuration, apart
+    // from the status.
     let versions = app.store.study_versions(study.id).await?;
     let version = versions.iter().rev().find(|version| version.says(&config));
     let synthetic = is_synthetic(&found, &config);

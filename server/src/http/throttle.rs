@@ -28,8 +28,8 @@ pub struct SharedThrottle {
     kind: &'static str,
     /// The database, if several servers share it.
     store: Option<Store>,
-    /// For each address, the time until which the database refuses it. The database is not asked
-    /// again before this time, so the refused requests of a flood cost it nothing.
+    /// For each address, the time until which the database refuses it. The server does not ask the
+    /// database again before this time, so the refused requests of a flood do not load the database.
     told: Mutex<HashMap<IpAddr, Instant>>,
 }
 

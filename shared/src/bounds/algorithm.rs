@@ -19,8 +19,8 @@ pub struct PredictedBounds {
     pub high: Vec<JointState>,
 }
 
-/// Algorithm 1 of the paper with reusable buffers. After a first run, runs with no more states,
-/// steps, sets and actions do not allocate.
+/// Algorithm 1 of the paper with reusable buffers. A run allocates nothing if the previous run
+/// succeeded, chose actions in the same way, and had at least as many states, steps, sets and actions.
 #[derive(Clone, Debug, Default)]
 pub struct Algorithm1 {
     /// Past and predicted states, along the low and along the high bounds.

@@ -29,7 +29,8 @@ struct Part {
     /// The time interval, as fractions of the step.
     from: f64,
     to: f64,
-    /// The direction from human to robot with the largest lower bound (rad).
+    /// Of the directions tried as the direction from human to robot, the one that gave the bound
+    /// `at_least_m` (rad).
     alpha: f64,
     /// Lower bound (m) on the distance of the part's drives from the robot.
     at_least_m: f64,

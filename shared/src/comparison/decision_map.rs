@@ -48,9 +48,9 @@ impl DecisionMap {
     pub const SIDE: usize = 32;
     /// Side of a cell (m).
     pub const CELL_M: f64 = 0.75;
-    /// Rear edge of the first row (m ahead of the human).
+    /// Coordinate of the rear edge of the first row (m, positive ahead of the human).
     pub const BEHIND_M: f64 = -8.0;
-    /// Right edge of the first column (m to the left of the human).
+    /// Coordinate of the right edge of the first column (m, positive to the human's left).
     pub const RIGHT_M: f64 = -12.0;
 
     /// The centre of a cell: [ahead, left] (m).

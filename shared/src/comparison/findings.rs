@@ -58,7 +58,8 @@ impl Answer {
     }
 }
 
-/// Whether safety levels help in addition to distance, with the main comparison in full.
+/// Whether safety levels help in addition to distance. The test of the first model
+/// in experiment I is given in full.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SafetyOverDistance {
     /// The result of all models and experiments.
@@ -306,7 +307,8 @@ fn grid_edges(comparison: &Comparison, grids: &Grids) -> Vec<GridEdge> {
         };
         let cells = || comparison.cells.iter().filter(|cell| cell.model == model);
         let (chosen, of) = (cells().filter(chosen).count(), cells().count());
-        // Chosen more often than expected by chance among five equally good values.
+        // The largest C is reported if more than a fifth of the cells chose it. Among five equally
+        // good values, a fifth would choose it by chance.
         (5 * chosen > of).then_some(GridEdge { model, greatest, chosen, of })
     });
     edges.collect()

@@ -35,8 +35,8 @@ pub(super) trait Training {
     /// The best model of each problem.
     fn fit(&self, problems: &[Problem<'_>], grids: &Grids) -> Result<Vec<Chosen>, Invalid>;
 
-    /// Estimated processor time (s) of its fits with this many thousands of training rows of the
-    /// paper's largest feature set.
+    /// Estimated processor time (s) of all fits of this model, for `thousands` × 1000 training rows
+    /// with the paper's largest feature set.
     fn cost_s(&self, grids: &Grids, thousands: f64) -> f64;
 }
 
@@ -144,8 +144,9 @@ impl<'a> Problem<'a> {
     }
 
     /// The validation accuracy of `count` models: the mean over folds of the accuracy on held-out
-    /// rows. `models` trains the models on the other rows of a fold, and `says` returns the index
-    /// of the class that a model predicts. If the other rows have only one class, it is predicted.
+    /// rows. `models` trains the models on the rows outside a fold, and `says` returns the index of the
+    /// class that a model predicts. If the rows outside a fold have only one class, this class is
+    /// predicted.
     fn validated<M>(
         &self,
         count: usize,

@@ -265,8 +265,9 @@ pub struct Ablation {
     pub over_d: Option<(f64, f64)>,
 }
 
-/// The rows of the ablation: first the baseline, then for each model and experiment B_d, B_hrd
-/// (each without and with the robot's position in the human's body frame) and every added set.
+/// The rows of the ablation. The baseline comes first. For each of the paper's models and each
+/// experiment, the rows of these feature sets follow: B_d and B_hrd, each without and with the robot's
+/// position in the human's body frame, and every added set.
 /// `accuracies` and `balanced` return each participant's accuracy by model, experiment and set.
 ///
 /// # Errors

@@ -85,8 +85,8 @@ pub struct Unseen {
     pub own_mean: f64,
     /// The mean balanced accuracy of the models trained on others, in per cent.
     pub balanced: f64,
-    /// The gain of the person's own model over this model, in percentage points of accuracy on the
-    /// same test tasks.
+    /// The gain of each person's own model over the model trained on other people, in percentage points
+    /// of accuracy on the same test tasks.
     pub own: Gain,
 }
 

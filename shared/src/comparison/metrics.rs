@@ -201,7 +201,8 @@ pub struct Avoidance {
 }
 
 impl Avoidance {
-    /// The avoidance in one trajectory. `avoids` yields, for each step, whether it avoids.
+    /// The avoidance in one trajectory. `avoids` yields, for each step, whether the human or model
+    /// avoids.
     #[must_use]
     pub fn of(avoids: impl Iterator<Item = bool>) -> Self {
         let mut steps = avoids.enumerate().filter_map(|(step, avoids)| avoids.then_some(step));

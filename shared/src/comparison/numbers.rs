@@ -67,7 +67,7 @@ pub struct Analysis {
 pub struct DataSummary {
     /// Number of tasks of all compared participants, including training tasks.
     pub trials: usize,
-    /// Their vehicles, steps and danger radius.
+    /// The vehicles, steps and danger radius of these tasks.
     pub scene: SceneParameters,
     /// Evidence that the data are synthetic, if any.
     pub synthetic: Option<String>,
@@ -77,15 +77,15 @@ pub struct DataSummary {
     pub exclusions: Vec<Exclusion>,
     /// Number of compared trials with each flag that casts doubt on them, by the flag's word.
     pub flagged: BTreeMap<String, usize>,
-    /// The compared participants whose trials are identical to another participant's. They may be
-    /// one person under several names, who would count several times.
+    /// The compared participants whose trials are identical to another participant's. Such participants
+    /// may be one person under several names, and this person would count several times.
     pub same_trials: Vec<String>,
     /// The compared participants who have copies of one of their own trials.
     pub copied_trials: Vec<CopiedTrials>,
     /// SHA-256 of the compared trials, in hexadecimal. Two analyses with the same hash used the
     /// same data.
     pub sha256: String,
-    /// Start times of the first and the last of these trials (ms since 1970, on the participants'
+    /// Start times of the first and the last compared trial (ms since 1970, on the participants'
     /// clocks). `None` if the data do not record them.
     pub driven_at_ms: Option<[f64; 2]>,
     /// Quality of both safety levels over the compared steps; `None` if unknown.

@@ -25,8 +25,8 @@ pub struct Power {
     pub shown_after_holm: f64,
     /// [`Self::shown_after_holm`] for [`Self::needed`] participants.
     pub needed_shown: f64,
-    /// The smallest number of participants who show the effect after the correction with
-    /// probability [`Self::AIM`]. `None` if it is larger than [`Self::MOST`].
+    /// The smallest number of participants with which the corrected test shows the effect with
+    /// probability at least [`Self::AIM`]. `None` if this number is larger than [`Self::MOST`].
     pub enough: Option<usize>,
 }
 

@@ -247,10 +247,9 @@ mod tests {
         assert!(found.iter().all(|h| (h.mean_log_loss() - log_loss).abs() < 1e-12));
     }
 
-    /// The inputs alternate in runs of four steps. The input held h steps earlier is right for
-    /// targets whose index in their run is at least h, so 4 − h of four targets are right. For h
-    /// from 4 to 7 it belongs to the opposite run, so no target is right. h = 8 is the same as h =
-    /// 0, and so on.
+    /// The inputs alternate in runs of four steps. The input held h steps earlier is right for targets
+    /// whose index in their run is at least h, so 4 − h of four targets are right. For h = 4, the
+    /// earlier input belongs to the previous run, so no target is right.
     #[test]
     fn what_is_ever_harder_to_foresee_is_less_often_right() {
         use TurnInput::{Left, Straight};
@@ -279,7 +278,7 @@ mod tests {
         );
     }
 
-    /// Turns left as soon as its history contains three steps.
+    /// A model of a human who turns left as soon as the history contains three steps.
     struct Impatient;
 
     impl ActionModel for Impatient {
@@ -293,7 +292,7 @@ mod tests {
         }
     }
 
-    /// In a roll-out from the first step, it must predict the turn from its own predictions.
+    /// In a roll-out from the first step, the model must predict the turn from its own predictions.
     #[test]
     fn predictors_are_fed_with_what_they_said() {
         use TurnInput::{Left, Straight};

@@ -1,12 +1,12 @@
 //! Decides whether a full state (position and heading) is reachable.
 //!
-//! The states after a step with one end heading ψ form a planar *slice* of the set. A path is
-//! given by its heading over time. The paths that end with heading ψ form a convex set between a
-//! lowest and a highest path. The slice's boundary consists of a few curves, each from the end of the
-//! lowest path to the end of the highest path (`slice`). The paths of one curve can be deformed into
-//! the paths of another curve without leaving the convex set, so every position that two curves
-//! surround is reached. A state is therefore inside if the curves wind around it (`search`). This
-//! also holds where the slice is not convex or surrounds a hole, or where headings pass ±π.
+//! The states of the set that have the same heading ψ form a planar *slice*. A path is given by its
+//! heading over time. The paths that end with heading ψ form a convex set between a lowest and a
+//! highest path. The slice's boundary consists of a few curves, each from the end of the lowest path to
+//! the end of the highest path (`slice`). The paths of one curve can be deformed into the paths of
+//! another curve without leaving the convex set, so every position that two curves surround is reached.
+//! A state is therefore inside if the curves wind around it (`search`). This also holds where the slice
+//! is not convex or surrounds a hole, or where headings pass ±π.
 //!
 //! # Accuracy
 //! A state found inside is reachable, to 10⁻⁶ m. It is not proven that the curves are complete: at

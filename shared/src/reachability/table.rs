@@ -107,7 +107,8 @@ impl Table {
         let along1 = edges(values, here, s1, [s0, s2]);
         let along2 = edges(values, here, s2, [s0, s1]);
         let (b0, b1, b2) = (bends(along0), bends(along1), bends(along2));
-        // Corners (j, k) of both faces across axis 0.
+        // Values at the corners of the cell's two faces perpendicular to axis 0, with the index along
+        // axis 2 varying fastest.
         let [_, near, far, _] = along0;
         // Linear along axis 2, then 1, then 0.
         let line = |c: Four| (u2 * c[0] + t2 * c[1], u2 * c[2] + t2 * c[3]);

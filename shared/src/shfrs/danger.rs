@@ -155,9 +155,9 @@ fn count_while(
 struct Disc {
     robot: Vec<Pose>,
     radius_m: f64,
-    /// Margin by which sets are enlarged on all sides.
+    /// Margin (m) by which sets are enlarged on all sides.
     slack_m: f64,
-    /// Distance that the human drives in one step.
+    /// Distance (m) that the human drives in one step.
     step_m: f64,
     polygon: PolygonSettings,
 }

@@ -27,7 +27,7 @@ pub trait Family {
     /// [`Invalid`] if the prediction fails.
     fn score(&mut self, window: &Window<'_>) -> Result<f64, Invalid>;
 
-    /// Area (m²) of the set for a window at a level: of all positions within the window's steps.
+    /// Area (m²) of all positions that the set at a level contains within the window's steps.
     ///
     /// # Errors
     /// [`Invalid`] if the prediction fails.

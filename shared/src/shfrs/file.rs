@@ -219,7 +219,7 @@ impl ShfrsFile {
         self.epsilon[0] = least;
     }
 
-    /// Whether the first set is the same as the first set of `first`.
+    /// Whether both have a first set, with the same settings. The ε of later sets are ignored.
     #[must_use]
     pub fn begins_with(&self, first: &Self) -> bool {
         let of = |file: &Self| Self { epsilon: file.epsilon[..1].to_vec(), ..file.clone() };

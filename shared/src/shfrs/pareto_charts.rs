@@ -1,5 +1,5 @@
-//! Charts of coverage against area: one panel per family, with the curves of the other families in
-//! grey behind it.
+//! Charts of coverage against area: one panel per family. Behind the family's curve, each panel shows
+//! the curves of the other families in grey.
 
 use super::pareto::{Pareto, ParetoCurve};
 use crate::chart::{Axis, Chart, Colour, Mark, Pen, Point, Series, colours, fixed};

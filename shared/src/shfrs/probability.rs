@@ -243,7 +243,7 @@ impl Count {
 pub struct Judged {
     /// The index, from 0, of the smallest set that contains the window's trajectory.
     pub(super) first: usize,
-    /// Area of each set's tube, m².
+    /// Area of each set's tube (m²).
     pub(super) area_m2: Vec<f64>,
 }
 

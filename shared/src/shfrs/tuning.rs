@@ -51,22 +51,22 @@ impl Default for Split {
 /// A random split, as indices of trajectories.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Parts {
-    /// For the choice of actions.
+    /// Trajectories that select the choice of actions.
     pub training: Vec<usize>,
-    /// For the calibration of ε_1.
+    /// Trajectories that calibrate ε_1.
     pub calibration: Vec<usize>,
-    /// For the measured coverage.
+    /// Trajectories that measure the coverage.
     pub test: Vec<usize>,
 }
 
 /// Recorded trajectories, split into three parts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sample {
-    /// For the choice of actions.
+    /// Trajectories that select the choice of actions.
     pub training: Vec<Trajectory>,
-    /// For the calibration of ε_1.
+    /// Trajectories that calibrate ε_1.
     pub calibration: Vec<Trajectory>,
-    /// For the measured coverage; may be empty.
+    /// Trajectories that measure the coverage; may be empty.
     pub test: Vec<Trajectory>,
 }
 

@@ -140,10 +140,10 @@ fn needed_by_heading(
     first_true(within, |epsilon| Ok(admitted(epsilon))).map_or(within.0, |(below, _)| below)
 }
 
-/// Bisection for the value at which a monotone predicate becomes true. Returns an interval, no
-/// longer than [`RESOLUTION_RADPS`], from a value at which it is false to a value at which it is
-/// true. It is assumed to be true at the upper end of `within`. If it is true at the lower end,
-/// both ends of the result are this lower end.
+/// Bisection for the value at which the monotone predicate `holds` becomes true. The predicate is
+/// assumed to be true at the upper end of `within`. Returns an interval, no longer than
+/// [`RESOLUTION_RADPS`], at whose lower end the predicate is false and at whose upper end it is true.
+/// If the predicate is true at the lower end of `within`, both ends of the result are this lower end.
 fn first_true(
     within: (f64, f64),
     holds: impl Fn(f64) -> Result<bool, Invalid>,

@@ -61,8 +61,9 @@ impl Trajectory {
             .map_err(|what| Fault { line: trial.line, what })
     }
 
-    /// Checks that the human's vehicle of `scene` can have driven the trajectory with these turn
-    /// rates. A calibration guarantees nothing about others. The robot's path may be arbitrary.
+    /// Checks that the human's vehicle of `scene` can have driven the trajectory with these turn rates.
+    /// A calibration guarantees nothing about trajectories that this vehicle cannot drive. The robot's
+    /// path may be arbitrary.
     ///
     /// # Errors
     /// The errors of [`plausibility::check_drive`].

@@ -70,8 +70,8 @@ pub struct PredictedSet<'a> {
 pub enum Level {
     /// The widening ε of the turn-rate bounds (rad/s).
     Widening(f64),
-    /// The share of the recorded futures with the same held input that the set encloses. At 1, it
-    /// is the whole reachable set.
+    /// Of the recorded futures that began with the input that is held now, the share that the set
+    /// encloses. At 1, the set is the whole reachable set.
     Share(f64),
     /// The Mahalanobis radius of ellipsoids of the future pose.
     Radius(f64),

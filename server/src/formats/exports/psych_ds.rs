@@ -1,5 +1,5 @@
-//! The Psych-DS standard (psych-ds.github.io) for a folder: schema.org metadata that describe every
-//! column, and the folders and texts that the standard recommends.
+//! The files beside the tables in a Psych-DS folder (psych-ds.github.io): metadata of every column in
+//! schema.org terms, and the recommended folders with their texts.
 
 use super::dataset::Dataset;
 use super::table::Table;

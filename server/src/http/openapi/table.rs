@@ -1,4 +1,4 @@
-//! A table of routes that are served and documented together, so that neither can be missing.
+//! A table of routes. The same entry serves and documents a route, so no route lacks documentation.
 
 use super::document::{Document, Entry};
 use super::handler::Documented;

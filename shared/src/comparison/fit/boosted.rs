@@ -41,8 +41,8 @@ impl Problem<'_> {
         let settings = BoostingSettings::default();
         let (model, chosen) =
             boosting::fit_by_folds(&samples, &self.split.folds, depths, &settings)?;
-        // The log loss selects the depth and the number of rounds, but the table shows their
-        // accuracy.
+        // The log loss selects the depth and the number of rounds, but the table shows the accuracy of
+        // the selected settings.
         let settings = BoostingSettings { depth: chosen.depth, rounds: chosen.rounds, ..settings };
         let again = |rows: &Rows| -> Result<Vec<(Scale, usize, Boosted)>, Invalid> {
             let (scale, values) = Scale::standardised(self.width(), &rows.values);

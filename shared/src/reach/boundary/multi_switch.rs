@@ -147,7 +147,7 @@ impl<'a> Search<'a> {
         !self.straight || WIDE * width < self.rates.0 + self.rates.1
     }
 
-    /// Upper bound (s) on the gain of more than one switch.
+    /// Upper bound (s of travel) on how much farther back a path with more than one switch can end.
     fn gain(&self) -> f64 {
         let turn = self.rates.0.max(self.rates.1) * self.seconds;
         let most = MOST_GAIN * self.seconds * turn * turn;

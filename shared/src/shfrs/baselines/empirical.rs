@@ -118,8 +118,8 @@ impl Futures {
         Self { count: paths.len(), hulls }
     }
 
-    /// The number of most central futures that a level below 1 selects. Futures are counted in the
-    /// same way as for scores, so that a score used as the level selects the same futures.
+    /// How many futures, counted from the most central one, a level below 1 selects. Scores count
+    /// futures in the same way, so a score that is used as the level selects the same futures.
     fn kept(&self, level: f64) -> usize {
         (0..=self.count).rev().find(|&j| share(j, self.count) <= level).unwrap_or(0)
     }

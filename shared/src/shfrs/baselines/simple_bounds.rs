@@ -101,8 +101,9 @@ impl<B: FnMut(&Window<'_>) -> Result<Vec<(f64, f64)>, Invalid>> Family for Widen
     }
 }
 
-/// Area (m²) of all positions that the human can reach within `steps`. Areas are compared with it,
-/// because a set of this area contains no more information than the vehicle model.
+/// Area (m²) of all positions that the human can reach within `steps`. The areas of other sets are
+/// compared with this area, because a set that is equally large contains no more information than the
+/// vehicle model.
 ///
 /// # Errors
 /// [`Invalid`] if there are no steps.
