@@ -160,14 +160,16 @@ pub fn list(folder: &Path, code: &str) -> io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Deletes the oldest backups of a database in a folder, except for the newest `keep`. Returns the
-/// number of deleted files.
+/// Deletes the oldest backups of a database in a folder, except for the newest `keep` and the one
+/// with the name `written`. Returns the number of deleted files.
 ///
 /// # Errors
 /// If a file cannot be deleted.
-pub fn prune(folder: &Path, code: &str, keep: usize) -> io::Result<usize> {
-    let all = list(folder, code)?;
-    let old = &all[..all.len().saturating_sub(keep)];
+pub fn prune(folder: &Path, code: &str, keep: usize, written: &str) -> io::Result<usize> {
+    let mut old = list(folder, code)?;
+    old.truncate(old.len().saturating_sub(keep));
+    // If the clock was wrong, older backups have names of the future.
+    old.retain(|file| *file != folder.join(written));
     old.iter().try_for_each(std::fs::remove_file)?;
     Ok(old.len())
 }
@@ -187,8 +189,10 @@ mod tests {
         for name in names.iter().map(String::as_str).chain(others) {
             std::fs::write(folder.path().join(name), "").unwrap();
         }
-        assert_eq!(prune(folder.path(), "1f0c9a37", 3).unwrap(), 0);
-        assert_eq!(prune(folder.path(), "1f0c9a37", 2).unwrap(), 1);
+        let prune = |keep, written| prune(folder.path(), "1f0c9a37", keep, written).unwrap();
+        assert_eq!(prune(3, &names[2]), 0);
+        assert_eq!(prune(2, &names[0]), 0);
+        assert_eq!(prune(2, &names[2]), 1);
         let left = list(folder.path(), "1f0c9a37").unwrap();
         assert_eq!(left, [&names[1], &names[2]].map(|name| folder.path().join(name)));
         assert!(others.iter().all(|name| folder.path().join(name).exists()));

@@ -289,6 +289,18 @@ impl Store {
         }
     }
 
+    /// Records the source of the copy that was begun into this database, if it was empty. Returns
+    /// whether a copy from another source was begun and not finished.
+    ///
+    /// # Errors
+    /// [`StoreError`] if this cannot be stored.
+    pub async fn claim_copy(&self, source: &str) -> Result<bool, StoreError> {
+        let hash = Sha256::digest(source);
+        let number = u32::from_be_bytes([hash[0], hash[1], hash[2], hash[3]]) >> 1;
+        self.write_behind([Lock::Studies], move |db| migrations::claim_copy(db, number.max(2)))
+            .await
+    }
+
     /// Records that the copy into an empty database is complete.
     ///
     /// # Errors

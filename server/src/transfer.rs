@@ -28,7 +28,7 @@ pub struct Copied {
 pub enum TransferError {
     /// The destination has another study of this name.
     #[error(
-        "study {0}: the destination has another study of this name; rename one of them, or copy to \
+        "study {0}: the destination has another study of this name; copy to \
          another database"
     )]
     OtherStudy(String),

@@ -69,6 +69,7 @@ struct Done<'a> {
 /// the disk fails, or the backup is not sound.
 pub async fn back_up(args: BackupArgs) -> Result<(), CommandError> {
     let out = &args.out;
+    no_address("--out", out)?;
     if out.exists() {
         let message = format!("--out {}: expected a file that does not exist", out.display());
         return Err(CommandError::Input(message));
@@ -90,6 +91,7 @@ pub async fn back_up(args: BackupArgs) -> Result<(), CommandError> {
 /// [`CommandError::Input`] if the database already exists; [`CommandError::Failure`] if the backup
 /// is not sound or the database fails.
 pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
+    no_address("--from", &args.from)?;
     absent(&args.database).await?;
     let found = fs::metadata(&args.from).map_err(|error| unreadable(&args.from, error))?;
     if !found.is_file() {
@@ -106,6 +108,15 @@ pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
     let interrupt = Interrupt::listen();
     let fill = async |folder: &Path, url: &str| fill(&args, folder, url, &interrupt).await;
     print_json(&new_database(&args.database, fill).await?)
+}
+
+/// Refuses an address in place of a file, without repeating it, because it may contain a password.
+pub(super) fn no_address(flag: &str, file: &Path) -> Result<(), CommandError> {
+    let text = file.to_string_lossy();
+    if text.contains("://") || text.starts_with("sqlite:") {
+        return Err(CommandError::Input(format!("{flag}: expected a file, found an address")));
+    }
+    Ok(())
 }
 
 fn unreadable(from: &Path, why: impl std::fmt::Display) -> CommandError {
@@ -196,6 +207,7 @@ async fn fill(
     let accepted = if args.with_faulty_trials { FaultyTrials::Kept } else { FaultyTrials::Refused };
     backups::sound(&args.from, &before, accepted).map_err(CommandError::failure)?;
     let to = Store::open(url, Purpose::Copy).await?;
+    to.claim_copy("restore").await?;
     let filling = async {
         whole(&backup, &to, &backup.slugs().await?, true, interrupt).await?;
         let report = database_check::report(&to).await?;

@@ -51,6 +51,14 @@ pub async fn run(args: CopyArgs) -> Result<(), CommandError> {
     if from.is_same(&to).await? {
         return Err(the_same());
     }
+    let file = Store::file(&args.from).ok().flatten().and_then(|file| file.canonicalize().ok());
+    let file = file.map_or_else(|| from.name(), |file| file.display().to_string());
+    if to.claim_copy(&format!("{file} {:?}", args.study)).await? {
+        return Err(CommandError::Failure(format!(
+            "{}: an interrupted copy or restore from another source is in it; run that command again, or delete the database",
+            to.name()
+        )));
+    }
     let access = args.study.is_none();
     let interrupt = Interrupt::listen();
     let copied = whole(&from, &to, &slugs, access, &interrupt).await.map_err(|error| {

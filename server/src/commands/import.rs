@@ -75,6 +75,7 @@ pub struct Imported {
 /// [`CommandError`] for a file that is not a trials.csv (input, with the line), or a database error
 /// (failure).
 pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
+    super::backup::no_address("--trials", &args.trials)?;
     let name = table_file::name(&args.trials);
     let complain = |error: &dyn Display| CommandError::Input(format!("{name}: {error}"));
     let source = Source::open(&args.trials).map_err(|e| complain(&format!("cannot read: {e}")))?;

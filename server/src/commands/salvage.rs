@@ -1,6 +1,6 @@
 //! `sidestep salvage`.
 
-use super::backup::{absent, new_database};
+use super::backup::{absent, new_database, no_address};
 use super::solving::Interrupt;
 use super::{CommandError, failed, print_json};
 use crate::database_check::Report;
@@ -43,11 +43,7 @@ struct Saved {
 /// [`CommandError::Input`] if the file is not a database, or the new database already exists;
 /// [`CommandError::Failure`] if anything was lost, or the new database fails.
 pub async fn run(args: SalvageArgs) -> Result<(), CommandError> {
-    let from = args.from.to_string_lossy();
-    if from.contains("://") || from.starts_with("sqlite:") {
-        let expected = "expected the file of a SQLite database, found an address";
-        return Err(CommandError::Input(format!("--from: {expected}")));
-    }
+    no_address("--from", &args.from)?;
     absent(&args.database).await?;
     let interrupt = Interrupt::listen();
     let fill =
@@ -69,7 +65,13 @@ async fn fill(args: &SalvageArgs, folder: &Path, url: &str) -> Result<Saved, Com
         CommandError::Input(format!("--from {named}: cannot read: {error}"))
     };
     let copy = folder.join("damaged.db");
-    let parts = copy_damaged(&args.from, &copy).map_err(|error| unreadable(&error))?;
+    let parts = copy_damaged(&args.from, &copy).map_err(|error| match error.kind() {
+        std::io::ErrorKind::StorageFull => CommandError::Failure(format!(
+            "{}: cannot write a copy of --from: {error}",
+            folder.display()
+        )),
+        _ => unreadable(&error),
+    })?;
     let from = Store::open(&format!("sqlite:{}", copy.display()), Purpose::Change).await;
     let from = from.map_err(|error| match error.named(named.clone()) {
         OpenError::Absent(_) => unreadable(&"it is empty"),
@@ -79,6 +81,7 @@ async fn fill(args: &SalvageArgs, folder: &Path, url: &str) -> Result<Saved, Com
         error => CommandError::Input(format!("--from {error}")),
     })?;
     let to = Store::open(url, Purpose::Copy).await?;
+    to.claim_copy("salvage").await?;
     let mut lost = 0;
     let mut lose = |row: Lost| {
         lost += 1;

@@ -113,8 +113,9 @@ impl Keeping {
         let at_ms = now_ms();
         let pruned = match (&done, &backup) {
             // If there are faults, older backups may have data that newer backups lack.
-            (Ok((report, _)), Some((folder, keep, _))) if report.faults() == 0 => {
-                backups::prune(folder, &self.code, *keep)
+            (Ok((report, _)), Some((folder, keep, file))) if report.faults() == 0 => {
+                let written = file.file_name().unwrap_or_default().to_string_lossy();
+                backups::prune(folder, &self.code, *keep, &written)
             }
             _ => Ok(0),
         };

@@ -130,23 +130,45 @@ pub(super) fn check_finished(db: &Connection) -> Result<(), Failure> {
     if is_unfinished(db)? { Err(Misfit::Unfinished.into()) } else { Ok(()) }
 }
 
-/// Whether a copy into the database was begun and not finished. The exact comment is compared,
-/// because other programs may comment on the table, too.
+/// Whether a copy into the database was begun and not finished.
 fn is_unfinished(db: &Connection) -> sql::Result<bool> {
-    let query = db.choose(
-        "SELECT user_version = 1 FROM pragma_user_version",
-        "SELECT coalesce(obj_description('study'::regclass, 'pg_class') \
-                         = 'A copy into this database was not finished.', FALSE)",
-    );
-    db.query_row(query, [], |row| row.get(0))
+    Ok(unfinished(db)? != 0)
+}
+
+/// The text that marks an unfinished copy in PostgreSQL, as a comment on a table.
+const UNFINISHED: &str = "A copy into this database was not finished.";
+
+/// The number of the copy that was begun and not finished: 0 if there is none, or 1 if its source is
+/// unknown.
+fn unfinished(db: &Connection) -> sql::Result<i64> {
+    if db.is_sqlite() {
+        return db.query_row("SELECT user_version FROM pragma_user_version", [], |row| row.get(0));
+    }
+    // Other programs may comment on the table, too.
+    let query = "SELECT coalesce(obj_description('study'::regclass, 'pg_class'), '')";
+    let comment = db.query_row(query, [], |row| row.get::<_, String>(0))?;
+    let number = comment.strip_prefix(UNFINISHED).map(|number| number.trim().parse().unwrap_or(1));
+    Ok(number.unwrap_or(0))
+}
+
+/// Records which copy is under way, if one was begun. Returns whether another one was begun.
+pub(super) fn claim_copy(db: &Connection, number: u32) -> Result<bool, StoreError> {
+    let found = unfinished(db)?;
+    if found == 1 {
+        db.batch(&match db.is_sqlite() {
+            true => format!("PRAGMA user_version = {number}; UPDATE mark SET text = text"),
+            false => format!("COMMENT ON TABLE study IS '{UNFINISHED} {number}'"),
+        })?;
+    }
+    Ok(![0, 1, i64::from(number)].contains(&found))
 }
 
 /// Records that a copy into an empty database begins.
 pub(super) fn begin_copy(db: &Connection) -> Result<(), StoreError> {
-    Ok(db.batch(db.choose(
-        "PRAGMA user_version = 1",
-        "COMMENT ON TABLE study IS 'A copy into this database was not finished.'",
-    ))?)
+    Ok(db.batch(&match db.is_sqlite() {
+        true => "PRAGMA user_version = 1".to_owned(),
+        false => format!("COMMENT ON TABLE study IS '{UNFINISHED}'"),
+    })?)
 }
 
 /// If a copy was begun, records that it is complete. Otherwise changes nothing, because a user who

@@ -138,6 +138,12 @@ pub enum Misplaced {
     /// The file has more commits than the log.
     #[error("it is older than this file, which has more commits")]
     Earlier,
+    /// Another program has written another database into the file, through SQLite.
+    #[error(
+        "another program wrote another database over this one ('.restore' of sqlite3 does that); 'sidestep salvage' saves \
+         what was there before"
+    )]
+    Replaced,
     /// The log has no mark.
     #[error(
         "no commit of Sidestep is in it; another program wrote it, or it belongs to another database"

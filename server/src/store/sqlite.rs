@@ -89,6 +89,7 @@ impl Sqlite {
             Failure::Misfit(reason) => OpenError::Version { database: name(), reason },
         };
         let disk = |error: io::Error| hint(error.to_string());
+        let replaced = || unusable(format!("{}; keep this file and its -wal", Misplaced::Replaced));
         if named.is_log_alone() {
             return Err(OpenError::LogAlone { database: name(), log: named.log().to_owned() });
         }
@@ -101,6 +102,7 @@ impl Sqlite {
             let (database, log) = (name(), named.log().to_owned());
             return Err(match why {
                 Misplaced::Damaged => OpenError::DamagedLog { database, log },
+                Misplaced::Replaced => replaced(),
                 why => OpenError::Misplaced { database, log, why },
             });
         }
@@ -142,6 +144,9 @@ impl Sqlite {
             true => connection::first_damage(&untouching).map_err(refused)?,
             false => None,
         };
+        let is_replaced = checked.is_ok()
+            && named.has_log()
+            && mark::is_replaced(&named, &untouching).map_err(refused)?;
         drop(untouching);
         if checked.is_err() {
             connection::leave_no_log(&named);
@@ -151,6 +156,9 @@ impl Sqlite {
             return Err(sqlite(StoreError::Corrupt(format!(
                 "the file and its write-ahead log are not whole together ({found}), and nothing was changed; keep both"
             ))));
+        }
+        if is_replaced {
+            return Err(replaced());
         }
         let is_current = state == State::Current;
         let lock = match (is_alone, purpose, is_current) {

@@ -51,14 +51,14 @@ struct Profile {
 }
 
 /// Cargo's arguments for the tests in the server's package. Its own code is compiled once more for
-/// them, without optimisation. This saves five minutes, and the tests run for seconds. Cargo cannot
+/// them, with little optimisation. This saves minutes, and the tests run for seconds. Cargo cannot
 /// select them alone without compiling other packages again with other features.
 const OF_SERVER: [&str; 5] = [
     "--lib",
     "--test",
     "memory",
     "--config",
-    "profile.release.package.sidestep-server.opt-level=0",
+    "profile.release.package.sidestep-server.opt-level=1",
 ];
 
 /// Compiles every test program.

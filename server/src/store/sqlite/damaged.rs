@@ -44,7 +44,7 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static 
         io::copy(&mut File::open(source.log())?, &mut private::new_file(copy.log())?)?;
         let index = || Index::read(&File::open(source.index()).ok()?, false);
         let is_damaged = match mark::misplaced(&copy, index)? {
-            None => false,
+            None | Some(Misplaced::Replaced) => false,
             Some(Misplaced::Damaged) => true,
             Some(Misplaced::Later) => {
                 let why = "it continues a later state than the file has; the data in between are missing and cannot be named";
@@ -53,17 +53,35 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static 
             }
             Some(_) => return Ok(lost),
         };
-        out.set_len(0)?;
-        file.rewind()?;
-        out.rewind()?;
-        io::copy(&mut file, &mut out)?;
-        let applied = log::apply(copy.log(), Some(page), is_damaged, index().as_ref(), &out)?;
+        let of = mark::of_file(&copy).ok().flatten();
+        let log = mark::Log::read(copy.log(), of.as_ref(), None)?;
+        let mut apply = |until| {
+            out.set_len(0)?;
+            file.rewind()?;
+            out.rewind()?;
+            io::copy(&mut file, &mut out)?;
+            let index = index();
+            let applied =
+                log::apply(copy.log(), Some(page), is_damaged, index.as_ref(), until, &out)?;
+            if let Some(length) = applied.length {
+                out.set_len(length)?;
+            }
+            Ok::<_, io::Error>(applied)
+        };
+        let mut applied = apply(None)?;
+        // The mark that the log ends with, and the one that is now in the copy.
+        let ends = log.as_ref().and_then(|log| Some((log.marked, log.marks.as_ref()?[1].clone())));
+        let found = mark::by_sqlite(&copy).ok().flatten();
+        if let (false, Some((marked, last)), Some((found, _))) = (is_damaged, ends, found)
+            && !last.is_before(&found)
+        {
+            applied = apply(Some(marked))?;
+            let why = "another program wrote another database over this one; what was stored after that is left out";
+            lost.push(("(its end)".to_owned(), why));
+        }
         if applied.lost > 0 {
             let why = "damaged; the latest data may be missing, and cannot be named";
             lost.push((format!("({} pages)", applied.lost), why));
-        }
-        if let Some(length) = applied.length {
-            out.set_len(length)?;
         }
         std::fs::remove_file(copy.log())?;
     }

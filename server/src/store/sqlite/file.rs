@@ -131,6 +131,9 @@ impl DatabaseFile {
                 self.log.display()
             ));
         }
+        if std::fs::metadata(&self.log).is_ok_and(|log| !log.is_file()) {
+            return Some(format!("{} is not a file; move it away", self.log.display()));
+        }
         let journal = self.beside("-journal");
         let mut first = [0];
         // SQLite ignores a journal whose first byte is 0.

@@ -55,11 +55,16 @@ impl Frames {
     /// Opens a log. Returns `None` if the log is missing, or too short for a header. `page` is the
     /// page size to use if the log's header is damaged.
     pub(super) fn open(path: &Path, page: Option<usize>) -> io::Result<Option<Self>> {
-        let file = match File::open(path) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            file => file?,
-        };
+        match File::open(path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            file => Self::of(file?, page),
+        }
+    }
+
+    /// Like [`Self::open`], for an open log.
+    pub(super) fn of(file: File, page: Option<usize>) -> io::Result<Option<Self>> {
         let mut log = BufReader::with_capacity(1 << 20, file);
+        log.rewind()?;
         let mut header = [0; HEADER];
         if !read_whole(&mut log, &mut header)? {
             return Ok(None);
@@ -230,19 +235,22 @@ pub(super) struct Applied {
 
 /// Applies to a copy of the file the frames that SQLite would read from the log. If the log is
 /// damaged, applies every intact frame. `page` is as in [`Frames::open`]. `index` is the log's
-/// index, if it can be read.
+/// index, if it can be read. Frames after the first `until` are left out.
 pub(super) fn apply(
     log: &Path,
     page: Option<usize>,
     is_damaged: bool,
     index: Option<&Index>,
+    until: Option<u64>,
     to: &File,
 ) -> io::Result<Applied> {
     let is_read = |frame: &Frame<'_>| frame.is_sound || is_damaged && frame.is_intact;
     let Some(mut frames) = Frames::open(log, page)? else { return Ok(Applied::default()) };
     let index = index.filter(|index| index.salts == frames.salts).map_or(0, |index| index.frames);
     let (mut count, mut end, mut pages) = (0_u64, 0, 0);
-    while let Some(frame) = frames.next()? {
+    while until.is_none_or(|until| count < until)
+        && let Some(frame) = frames.next()?
+    {
         count += 1;
         if frame.pages > 0 && is_read(&frame) {
             (end, pages) = (count, frame.pages);
@@ -401,7 +409,7 @@ mod tests {
             let read = if name == "header.db" { 0 } else { all / 2 };
             assert_eq!([found, sound], [all, read], "{name}");
             let copy = File::options().write(true).open(mended.path()).unwrap();
-            let applied = apply(damaged.log(), Some(PAGE), true, None, &copy).unwrap();
+            let applied = apply(damaged.log(), Some(PAGE), true, None, None, &copy).unwrap();
             assert_eq!(applied.lost, u64::from(name != "header.db"), "{name}");
             assert!(rows(&damaged) < ROWS, "{name}");
             // The rows of the damaged page may survive in a later version of the same page.

@@ -8,7 +8,7 @@ use super::connection;
 use super::file::{DatabaseFile, MAGIC};
 use super::log::{self, Frames, Index, PAGE, read_whole};
 use crate::store::opening::Misplaced;
-use crate::store::sql::{OptionalExtension, Result};
+use crate::store::sql::{Connection, OptionalExtension, Result};
 use memchr::memmem;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek};
@@ -45,6 +45,17 @@ impl Mark {
         let mut parts = text.split(' ').map(str::to_owned);
         let (identity, commits) = (parts.next()?, parts.next()?.parse().ok()?);
         Some(Self { identity, commits, before: parts.next()?, drawn: parts.next()? })
+    }
+
+    /// Whether a database with this mark can have that mark later.
+    pub(super) fn is_before(&self, later: &Self) -> bool {
+        self == later || self.commits < later.commits && self.identity == later.identity
+    }
+
+    /// Whether the next transaction can have that mark.
+    fn is_just_before(&self, next: &Self) -> bool {
+        let is_next = next.commits == self.commits + 1 && next.before == self.drawn;
+        self == next || is_next && self.identity == next.identity
     }
 
     /// Whether the log's mark can continue from this mark of the file. Returns `true` if the two
@@ -140,6 +151,11 @@ pub(super) struct Log {
     pub(super) marks: Option<[Mark; 2]>,
     /// Whether all marks can continue from the file's mark.
     follows: bool,
+    /// Number of frames up to the last transaction with a mark.
+    pub(super) marked: u64,
+    /// Whether a later mark does not continue from the last one. Another program wrote another
+    /// database into this one.
+    is_broken: bool,
     /// Number of transactions that SQLite would apply.
     commits: usize,
     /// Number of frames that SQLite would read, if it would lose others: later transactions follow,
@@ -156,9 +172,18 @@ impl Log {
         of: Option<&(Mark, Place)>,
         index: Option<&Index>,
     ) -> io::Result<Option<Self>> {
-        let Some(mut frames) = Frames::open(path, of.map(|(_, place)| place.length))? else {
-            return Ok(None);
-        };
+        match Frames::open(path, of.map(|(_, place)| place.length))? {
+            Some(frames) => Self::of(frames, of, index),
+            None => Ok(None),
+        }
+    }
+
+    /// Like [`Self::read`], for an open log.
+    pub(super) fn of(
+        mut frames: Frames,
+        of: Option<&(Mark, Place)>,
+        index: Option<&Index>,
+    ) -> io::Result<Option<Self>> {
         let page = of.map(|(_, place)| place.offset / place.length as u64 + 1);
         let mut found = Self { salts: frames.salts(), follows: true, ..Self::default() };
         // The last mark of the unfinished transaction, the number of sound frames, and the highest
@@ -185,6 +210,12 @@ impl Log {
             }
             found.commits += 1;
             if let Some(mark) = pending.take() {
+                let is_next = |[_, last]: &[Mark; 2]| last.is_just_before(&mark);
+                found.is_broken |= !found.marks.as_ref().is_none_or(is_next);
+                if found.is_broken {
+                    continue;
+                }
+                found.marked = sound;
                 found.follows &= of.is_none_or(|(file, _)| file.is_followed_by(&mark));
                 let first = found.marks.take().map_or_else(|| mark.clone(), |[first, _]| first);
                 found.marks = Some([first, mark]);
@@ -245,9 +276,20 @@ fn unlike(file: &DatabaseFile, index: impl Fn() -> Option<Index>) -> io::Result<
     Ok(None)
 }
 
+/// Whether SQLite, which applies the log, finds a mark that the log's last mark cannot become.
+/// Another program wrote another database into this one, with its mark on another page.
+pub(super) fn is_replaced(file: &DatabaseFile, db: &Connection) -> Result<bool> {
+    let of = of_file(file).ok().flatten();
+    let log = Log::read(file.log(), of.as_ref(), None).ok().flatten();
+    let Some([_, last]) = log.and_then(|log| log.marks) else { return Ok(false) };
+    // A server may have written more since then.
+    let found = db.query_row("SELECT text FROM mark", [], |row| row.get::<_, String>(0))?;
+    Ok(Mark::find(found.as_bytes()).is_some_and(|found| !last.is_before(&found)))
+}
+
 fn compare(file: Option<&Mark>, log: &Log) -> Option<Misplaced> {
-    let foreign = strange(file, log);
-    foreign.or_else(|| log.cut.map(|_| Misplaced::Damaged))
+    let replaced = log.is_broken.then_some(Misplaced::Replaced);
+    replaced.or_else(|| strange(file, log)).or_else(|| log.cut.map(|_| Misplaced::Damaged))
 }
 
 /// The mismatch between a file and a log that is not its own, if any.

@@ -4,6 +4,8 @@
 //! its open file. So this is checked before each read, before and after each commit, and regularly
 //! by [`Watch`](super::watch::Watch).
 
+mod rescued;
+
 use super::connection;
 use super::file::{DatabaseFile, Identity};
 use super::log::Index;
@@ -11,12 +13,11 @@ use super::mark::{self, Log, Mark, Place};
 use crate::store::error::StoreError;
 use crate::store::opening::Misplaced;
 use std::fs::File;
-use std::io::Write;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, OnceLock, PoisonError};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime};
 
 /// The file that was opened.
 #[derive(Debug)]
@@ -36,6 +37,12 @@ pub(super) struct Original {
     written: Mutex<Looked>,
     /// Whether the file must be checked for damage.
     is_suspected: AtomicBool,
+    /// Whether the other process also overwrote data that may be nowhere else.
+    is_overwritten: AtomicBool,
+    /// The mark after the last commit of this process.
+    last: Mutex<Option<Mark>>,
+    /// The log that the writer has open.
+    open_log: Mutex<Option<File>>,
     /// The log and its index that the writer has open.
     companions: Mutex<Option<[Option<Identity>; 2]>>,
     /// State of the log at the last check.
@@ -104,6 +111,9 @@ impl Original {
             changed: OnceLock::new(),
             written: Mutex::default(),
             is_suspected: AtomicBool::new(is_served),
+            is_overwritten: AtomicBool::new(false),
+            last: Mutex::default(),
+            open_log: Mutex::default(),
             companions: Mutex::default(),
             log: Mutex::default(),
             has_log: AtomicBool::new(true),
@@ -123,10 +133,38 @@ impl Original {
             None => match self.found() {
                 None => return Ok(()),
                 Some(_) if self.is_found_again() => return Ok(()),
-                Some(what) => self.changed.get_or_init(|| what),
+                Some(what) => self.overwritten(what),
             },
         };
         Err(self.gone(what))
+    }
+
+    /// Records that another process overwrote the file or the log.
+    fn overwritten(&self, what: &'static str) -> &'static str {
+        self.is_overwritten.store(true, Ordering::Relaxed);
+        self.changed.get_or_init(|| what)
+    }
+
+    /// Records that another program has written another database into the file, through SQLite.
+    fn replaced(&self) -> &'static str {
+        self.overwritten(
+            "overwritten with another database, by a program that uses SQLite; stop the server and keep all files: \
+             'sidestep salvage' saves what the write-ahead log still has of what was there before",
+        )
+    }
+
+    /// Checks the mark that the writer reads at the beginning of a transaction.
+    pub(super) fn check_mark(&self, found: Option<&Mark>) -> Result<(), StoreError> {
+        let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        match last.as_ref().is_none_or(|last| found.is_some_and(|found| last.is_before(found))) {
+            true => Ok(()),
+            false => Err(self.gone(self.replaced())),
+        }
+    }
+
+    /// Records the mark after a commit of this process.
+    pub(super) fn note_mark(&self, mark: Option<Mark>) {
+        *self.last.lock().unwrap_or_else(PoisonError::into_inner) = mark;
     }
 
     fn gone(&self, what: &str) -> StoreError {
@@ -146,6 +184,9 @@ impl Original {
             self.keep_index(index);
         }
         *self.companions.lock().unwrap_or_else(PoisonError::into_inner) = found;
+        // Closing a log releases no lock of SQLite.
+        let log = found.and_then(|_| File::open(self.file.log()).ok());
+        *self.open_log.lock().unwrap_or_else(PoisonError::into_inner) = log;
     }
 
     /// Keeps an index locked, so that other processes can check whether they share it.
@@ -171,6 +212,14 @@ impl Original {
             return Ok(());
         }
         let log = mark::misplaced(&self.file, || self.index(true));
+        let is_replaced = || {
+            connection::reading(&self.file, true).and_then(|db| mark::is_replaced(&self.file, &db))
+        };
+        if matches!(log, Ok(Some(Misplaced::Replaced)))
+            || matches!(log, Ok(None)) && is_replaced() == Ok(true)
+        {
+            self.replaced();
+        }
         if matches!(log, Ok(Some(Misplaced::Damaged))) {
             self.has_log.store(false, Ordering::Relaxed);
             self.changed.get_or_init(|| {
@@ -223,7 +272,7 @@ impl Original {
             && self.found_of_log().is_some()
         {
             self.has_log.store(false, Ordering::Relaxed);
-            self.changed.get_or_init(|| what);
+            self.overwritten(what);
         }
         self.check_index();
         self.check()
@@ -344,15 +393,6 @@ impl Original {
         }
     }
 
-    pub(super) fn rescued(&self) -> Option<PathBuf> {
-        self.rescued.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-
-    /// Records the rescued copy, or `None` once the file is back.
-    pub(super) fn note_rescued(&self, file: Option<PathBuf>) {
-        *self.rescued.lock().unwrap_or_else(PoisonError::into_inner) = file;
-    }
-
     /// The change that another process made to the content, if any.
     fn found(&self) -> Option<&'static str> {
         let length = self.handle.metadata().map_or(0, |found| found.len());
@@ -423,63 +463,6 @@ impl Original {
     /// Whether the file is still at its path.
     pub(super) fn is_in_place(&self) -> bool {
         self.file.identity() == Ok(self.identity)
-    }
-
-    /// Whether the data of a changed file still have to be rescued. A rescued log is not enough
-    /// once the file itself is gone.
-    pub(super) fn lacks_rescue(&self) -> bool {
-        let log =
-            || self.has_log() && (self.is_whole() || self.is_own_log() && self.file.has_log());
-        match self.rescued() {
-            None => !self.is_in_place() || log(),
-            Some(rescued) => is_log(&rescued) && !self.is_in_place(),
-        }
-    }
-
-    /// Records at the end why the data could not be rescued.
-    pub(super) fn note_lost(&self, error: StoreError) {
-        let _ = self.lost.set(error);
-    }
-
-    /// Why nothing was stored at the end, if the data could not be rescued.
-    pub(super) fn lost(&self) -> Option<StoreError> {
-        self.lost.get().cloned()
-    }
-
-    /// Copies the content of the open file into another file, even if the open file was renamed or deleted.
-    pub(super) fn copy_to(&self, mut out: &File) -> std::io::Result<()> {
-        let (mut piece, mut at) = (vec![0; 1 << 20], 0);
-        loop {
-            let length = self.handle.read_at(&mut piece, at)?;
-            if length == 0 {
-                return out.sync_all();
-            }
-            out.write_all(&piece[..length])?;
-            at += length as u64;
-        }
-    }
-
-    /// Whether the log beside the file is the one that the writer has open.
-    pub(super) fn is_own_log(&self) -> bool {
-        let known = *self.companions.lock().unwrap_or_else(PoisonError::into_inner);
-        known.is_none_or(|[log, _]| log == self.file.companions()[0])
-    }
-
-    /// Allows rescue files in folders other than the database's.
-    pub(super) fn rescue_elsewhere(&self) {
-        self.goes_elsewhere.store(true, Ordering::Relaxed);
-    }
-
-    /// New names for a rescue file, in the order in which to try them: beside the database and, if
-    /// allowed, in the working directory and in the temporary directory.
-    pub(super) fn rescue_names(&self) -> impl Iterator<Item = PathBuf> {
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        let mut name = self.file.path().file_name().unwrap_or_default().to_owned();
-        name.push(format!(".{}.rescued", now.as_millis()));
-        let elsewhere = std::env::current_dir().into_iter().chain([std::env::temp_dir()]);
-        let elsewhere = elsewhere.filter(|_| self.goes_elsewhere.load(Ordering::Relaxed));
-        let folders = std::iter::once(self.file.folder().to_owned()).chain(elsewhere);
-        folders.map(move |folder| folder.join(&name))
     }
 }
 

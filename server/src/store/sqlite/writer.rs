@@ -17,6 +17,7 @@ mod rescue;
 
 use super::connection;
 use super::file::DatabaseFile;
+use super::mark::Mark;
 use super::original::Original;
 use super::readers::Readers;
 use super::write_back::WriteBack;
@@ -25,7 +26,7 @@ use crate::store::error::StoreError;
 use crate::store::lanes::Lane;
 use crate::store::migrations::COUNTED;
 use crate::store::operation::{Batch, Operation, run_together};
-use crate::store::sql::Connection;
+use crate::store::sql::{self, Connection, Row};
 use std::collections::VecDeque;
 use std::fmt;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -304,7 +305,7 @@ impl Thread {
                 Next::Stop => {
                     if let Err(error) = self.original.check_all() {
                         self.rescue();
-                        if self.original.lacks_rescue() {
+                        if self.original.lacks_rescue() || self.original.has_lost_data() {
                             self.original.note_lost(error);
                         }
                         // Closing the connection would delete the log, which may belong to another
@@ -386,6 +387,8 @@ impl Thread {
     ) -> Result<bool, StoreError> {
         let before = connection::changes(db)?;
         db.control("BEGIN IMMEDIATE")?;
+        let mark = db.query_row("SELECT text FROM mark", [], mark_of)?;
+        self.original.check_mark(mark.as_ref())?;
         let (first, others) = batch.split_at_mut(trials);
         run_trials(db, first)?;
         // Runs at least one operation, and more while there is time. The time is limited, because a
@@ -399,11 +402,11 @@ impl Thread {
             }
         }
         let has_changed = connection::changes(db)? != before;
-        if has_changed {
-            db.execute(COUNTED, [])?;
-        }
+        let counted = format!("{COUNTED} RETURNING text");
+        let mark = if has_changed { db.query_row(&counted, [], mark_of)? } else { mark };
         let begun = Instant::now();
         db.control("COMMIT")?;
+        self.original.note_mark(mark);
         self.disk = begun.elapsed();
         self.queue.put_back(batch.split_off(trials + done));
         Ok(has_changed)
@@ -424,6 +427,10 @@ impl Thread {
             self.queue.lanes().empty_log_at = Some(Instant::now() + EMPTY_LOG_PAUSE);
         }
     }
+}
+
+fn mark_of(row: &Row) -> sql::Result<Option<Mark>> {
+    Ok(Mark::find(row.get::<_, String>(0)?.as_bytes()))
 }
 
 /// Opens the file if it is the original one.

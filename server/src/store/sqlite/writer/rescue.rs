@@ -6,6 +6,7 @@ use super::Thread;
 use crate::store::error::StoreError;
 use crate::store::sql::Connection;
 use crate::support::private;
+use std::io::Seek;
 use std::path::{Path, PathBuf};
 
 impl Thread {
@@ -58,7 +59,9 @@ impl Thread {
 
     fn rescue_log(&self, to: &Path) -> Result<(), StoreError> {
         let copied = private::new_file(to).and_then(|mut to| {
-            std::io::copy(&mut std::fs::File::open(self.file.log())?, &mut to)?;
+            let mut log = self.original.open_log().ok_or(std::io::ErrorKind::NotFound)?;
+            log.rewind()?;
+            std::io::copy(&mut log, &mut to)?;
             to.sync_all()
         });
         copied.map_err(refused)
@@ -68,9 +71,9 @@ impl Thread {
     fn rescue_file(&self, to: &Path, name: &Path) -> Result<(), StoreError> {
         let copied = private::new_file(to).and_then(|to| self.original.copy_to(&to));
         copied.map_err(refused)?;
-        match self.original.is_own_log() && self.file.has_log() {
-            true => self.rescue_log(&ended(name, "-wal")),
-            false => Ok(()),
+        match self.original.open_log() {
+            Some(_) => self.rescue_log(&ended(name, "-wal")),
+            None => Ok(()),
         }
     }
 }
