@@ -22,7 +22,9 @@ enum Fault {
     BackupOver,
     Truncate,
     CopyOver,
+    CopyOverAlone,
     CatOver,
+    RestoreInto,
     HideByMode,
     StrangeLog,
     StrangeIndex,
@@ -33,14 +35,16 @@ enum Fault {
     OverwriteLog,
 }
 
-const FAULTS: [Fault; 15] = [
+const FAULTS: [Fault; 17] = [
     Fault::Delete,
     Fault::RenameAway,
     Fault::RenameOver,
     Fault::BackupOver,
     Fault::Truncate,
     Fault::CopyOver,
+    Fault::CopyOverAlone,
     Fault::CatOver,
+    Fault::RestoreInto,
     Fault::HideByMode,
     Fault::StrangeLog,
     Fault::StrangeIndex,
@@ -60,6 +64,12 @@ impl Fault {
             Self::BackupOver => "an earlier backup of it is moved over it",
             Self::Truncate => "it is cut off after two pages",
             Self::CopyOver => "an earlier backup is copied over it, in place",
+            Self::CopyOverAlone => {
+                "an earlier backup is copied over it, and its log and `-shm` are deleted"
+            }
+            Self::RestoreInto => {
+                "an earlier backup is written into it by SQLite, as `.restore` of sqlite3 does"
+            }
             Self::CatOver => "another database is written over it, in place",
             Self::HideByMode => "nobody may read it for a while",
             Self::StrangeLog => "another database's log is copied over its log",
@@ -171,13 +181,27 @@ impl Place {
                     .set_len(8_192)
                     .unwrap();
             }
-            Fault::CopyOver | Fault::CatOver => {
-                let from = if fault == Fault::CopyOver { &backup } else { &other };
+            Fault::CopyOver | Fault::CopyOverAlone | Fault::CatOver => {
+                let from = if fault == Fault::CatOver { &other } else { &backup };
                 let bytes = std::fs::read(from).unwrap();
                 // Overwrite the file in place, as cp and cat do.
                 let mut to =
                     std::fs::OpenOptions::new().write(true).truncate(true).open(&file).unwrap();
                 std::io::Write::write_all(&mut to, &bytes).unwrap();
+                if fault == Fault::CopyOverAlone {
+                    for end in ["-wal", "-shm"] {
+                        // After a stop there is none.
+                        let _ = std::fs::remove_file(self.path(&format!("sidestep.db{end}")));
+                    }
+                }
+            }
+            Fault::RestoreInto => {
+                let restore = "import sqlite3, sys; [to, by] = map(sqlite3.connect, sys.argv[1:]); by.backup(to)";
+                let python = std::process::Command::new("python3")
+                    .args(["-c", restore])
+                    .args([&file, &backup])
+                    .status();
+                assert!(python.unwrap().success());
             }
             Fault::HideByMode => {
                 std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o000)).unwrap();
@@ -376,7 +400,11 @@ async fn case(fault: Fault, moment: Moment) -> String {
     // The operator has destroyed content. The rest stays unchanged, and a message says where it is
     // or how to save it.
     let destroyed = match fault {
-        Fault::Truncate | Fault::CopyOver | Fault::CatOver => true,
+        Fault::Truncate
+        | Fault::CopyOver
+        | Fault::CopyOverAlone
+        | Fault::CatOver
+        | Fault::RestoreInto => true,
         Fault::Delete | Fault::RenameOver | Fault::BackupOver | Fault::HalfCopy => {
             matches!(moment, Moment::AfterKill | Moment::AfterStop)
         }
@@ -389,10 +417,10 @@ async fn case(fault: Fault, moment: Moment) -> String {
         let after = std::fs::read(place.path("sidestep.db-wal")).ok();
         assert!(after.as_ref() == Some(log), "{fault:?} {moment:?}: a command changed the log");
     }
-    if said.contains("rescued-wal") {
+    if said.contains("rescued-wal") && fault != Fault::RestoreInto {
         return format!("{states} | destroyed; the log is kept in `sidestep.db.TIME.rescued-wal`");
     }
-    let is_salvaged = matches!(fault, Fault::EmptyLog | Fault::OverwriteLog);
+    let is_salvaged = matches!(fault, Fault::EmptyLog | Fault::OverwriteLog | Fault::RestoreInto);
     if !is_salvaged && said.contains("sidestep.db-wal") {
         return format!("{states} | destroyed; `sidestep.db-wal` is left as it was");
     }
@@ -404,6 +432,8 @@ async fn case(fault: Fault, moment: Moment) -> String {
         assert!(saved.iter().all(|id| known.contains(id)), "{fault:?} {moment:?}: {saved:?}");
         let of = place.acknowledged.len();
         let here = saved.intersection(&place.acknowledged).count();
+        // The log still has everything that was there before the other database was written.
+        assert!(here == of || fault != Fault::RestoreInto, "{moment:?}: {here} of {of}");
         return format!("{states} | salvage saves {here} of {of}");
     }
     assert!(log.is_none(), "{fault:?} {moment:?}: nobody names the log: {said}");
