@@ -13,6 +13,7 @@ use memchr::memmem;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek};
 use std::path::Path;
+use std::time::Duration;
 
 /// The prefix of every mark.
 const PREFIX: &[u8] = b"sidestep mark ";
@@ -234,6 +235,9 @@ impl Log {
 /// Number of attempts to read a log while a server writes to it.
 const ATTEMPTS: usize = 20;
 
+/// Pause between two reads of the mark.
+const PAUSE: Duration = Duration::from_millis(100);
+
 /// The mismatch between a file and its log, if any. Changes nothing. `index` reads the log's index,
 /// if it can be trusted.
 pub(super) fn misplaced(
@@ -276,15 +280,26 @@ fn unlike(file: &DatabaseFile, index: impl Fn() -> Option<Index>) -> io::Result<
     Ok(None)
 }
 
+/// The mark that SQLite finds, with the log.
+pub(super) fn with_log(db: &Connection) -> Result<Option<Mark>> {
+    let text = db.query_row("SELECT text FROM mark", [], |row| row.get::<_, String>(0))?;
+    Ok(Mark::find(text.as_bytes()))
+}
+
 /// Whether SQLite, which applies the log, finds a mark that the log's last mark cannot become.
 /// Another program wrote another database into this one, with its mark on another page.
 pub(super) fn is_replaced(file: &DatabaseFile, db: &Connection) -> Result<bool> {
     let of = of_file(file).ok().flatten();
     let log = Log::read(file.log(), of.as_ref(), None).ok().flatten();
     let Some([_, last]) = log.and_then(|log| log.marks) else { return Ok(false) };
-    // A server may have written more since then.
-    let found = db.query_row("SELECT text FROM mark", [], |row| row.get::<_, String>(0))?;
-    Ok(Mark::find(found.as_bytes()).is_some_and(|found| !last.is_before(&found)))
+    for _ in 0..ATTEMPTS {
+        if with_log(db)?.is_none_or(|found| last.is_before(&found)) {
+            return Ok(false);
+        }
+        // While a server waits for the disk, the log has a commit that SQLite does not show yet.
+        std::thread::sleep(PAUSE);
+    }
+    Ok(true)
 }
 
 fn compare(file: Option<&Mark>, log: &Log) -> Option<Misplaced> {

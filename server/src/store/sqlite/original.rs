@@ -45,6 +45,8 @@ pub(super) struct Original {
     open_log: Mutex<Option<File>>,
     /// The log and its index that the writer has open.
     companions: Mutex<Option<[Option<Identity>; 2]>>,
+    /// The salts of the index, and the highest number of frames seen with them.
+    frames: Mutex<([u8; 8], u64)>,
     /// State of the log at the last check.
     log: Mutex<Seen>,
     /// Whether the log is what SQLite wrote.
@@ -115,6 +117,7 @@ impl Original {
             last: Mutex::default(),
             open_log: Mutex::default(),
             companions: Mutex::default(),
+            frames: Mutex::default(),
             log: Mutex::default(),
             has_log: AtomicBool::new(true),
             log_read: Mutex::default(),
@@ -130,6 +133,7 @@ impl Original {
         let what = match self.changed.get() {
             Some(what) => what,
             None if !self.is_in_place() => "deleted, moved or replaced",
+            None if self.has_older_index() => self.overwritten_index(),
             None => match self.found() {
                 None => return Ok(()),
                 Some(_) if self.is_found_again() => return Ok(()),
@@ -212,11 +216,10 @@ impl Original {
             return Ok(());
         }
         let log = mark::misplaced(&self.file, || self.index(true));
-        let is_replaced = || {
-            connection::reading(&self.file, true).and_then(|db| mark::is_replaced(&self.file, &db))
-        };
-        if matches!(log, Ok(Some(Misplaced::Replaced)))
-            || matches!(log, Ok(None)) && is_replaced() == Ok(true)
+        let last = self.last.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let found = connection::reading(&self.file, true).and_then(|db| mark::with_log(&db));
+        if let (Some(last), Ok(Some(found))) = (last, found)
+            && !last.is_before(&found)
         {
             self.replaced();
         }
@@ -274,20 +277,31 @@ impl Original {
             self.has_log.store(false, Ordering::Relaxed);
             self.overwritten(what);
         }
-        self.check_index();
+        if self.has_other_index() {
+            self.overwritten_index();
+        }
         self.check()
     }
 
-    /// Checks whether another process has overwritten the index of the log, and records this. The
-    /// log keeps its content.
-    fn check_index(&self) {
-        if self.has_other_index() {
-            self.has_log.store(false, Ordering::Relaxed);
-            self.changed.get_or_init(|| {
-                "separated from the index (-shm) of its write-ahead log, which was overwritten; stop the server and keep all \
-                 files: the next start reads everything from them, and says so if the log was overwritten, too"
-            });
+    /// Whether the index has fewer frames than before. SQLite would then read an earlier state.
+    fn has_older_index(&self) -> bool {
+        // The index is read under this lock, so that a thread never compares an outdated number.
+        let mut known = self.frames.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(index) = self.index(false) else { return false };
+        let is_older = known.0 == index.salts && index.frames < known.1;
+        if !is_older {
+            *known = (index.salts, index.frames);
         }
+        is_older
+    }
+
+    /// Records that another process has overwritten the index of the log. The log keeps its content.
+    fn overwritten_index(&self) -> &'static str {
+        self.has_log.store(false, Ordering::Relaxed);
+        self.changed.get_or_init(|| {
+            "separated from the index (-shm) of its write-ahead log, which was overwritten; stop the server and keep all \
+             files: the next start reads everything from them, and says so if the log was overwritten, too"
+        })
     }
 
     /// The change that another process made to the log, if any.

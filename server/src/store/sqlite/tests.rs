@@ -271,3 +271,22 @@ async fn damage_of_a_log_is_told_from_a_power_cut() {
     }
     db.close();
 }
+
+/// With an older index, SQLite reads an earlier state of the database.
+#[tokio::test(flavor = "multi_thread")]
+async fn an_older_index_is_noticed_before_a_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = DatabaseFile::at(&folder.path().join("study.db"));
+    let db = with_rows(&file, 0..3).await;
+    let older = std::fs::read(file.index()).unwrap();
+    add_rows(&db, 3..6).await;
+    assert_eq!(read(&db, rows).await.unwrap(), 6);
+    let index = File::options().write(true).open(file.index()).unwrap();
+    index.write_all_at(&older, 0).unwrap();
+    let refused = read(&db, rows).await;
+    assert!(
+        matches!(&refused, Err(StoreError::Gone(what)) if what.contains("-shm")),
+        "{refused:?}"
+    );
+    db.close();
+}
