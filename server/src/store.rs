@@ -296,9 +296,8 @@ impl Store {
     /// [`StoreError`] if this cannot be stored.
     pub async fn claim_copy(&self, source: &str) -> Result<bool, StoreError> {
         let hash = Sha256::digest(source);
-        let number = u32::from_be_bytes([hash[0], hash[1], hash[2], hash[3]]) >> 1;
-        self.write_behind([Lock::Studies], move |db| migrations::claim_copy(db, number.max(2)))
-            .await
+        let hash = u32::from_be_bytes([hash[0], hash[1], hash[2], hash[3]]);
+        self.write_behind([Lock::Studies], move |db| migrations::claim_copy(db, hash)).await
     }
 
     /// Records that the copy into an empty database is complete.

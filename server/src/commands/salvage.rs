@@ -87,8 +87,8 @@ async fn fill(args: &SalvageArgs, folder: &Path, url: &str) -> Result<Saved, Com
         lost += 1;
         eprintln!("sidestep: {row}");
     };
-    for (part, why) in parts {
-        lose(Lost::new("write-ahead log", part, why));
+    for (kind, part, why) in parts {
+        lose(Lost::new(kind, part, why));
     }
     let saved = salvage::salvage(&from, &to, lose);
     let saved = match saved.await {

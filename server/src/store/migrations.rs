@@ -141,26 +141,34 @@ const UNFINISHED: &str = "A copy into this database was not finished.";
 /// The number of the copy that was begun and not finished: 0 if there is none, or 1 if its source is
 /// unknown.
 fn unfinished(db: &Connection) -> sql::Result<i64> {
+    let is_ours = |number: &i64| *number == 1 || number & !COPY_BITS == COPY;
     if db.is_sqlite() {
-        return db.query_row("SELECT user_version FROM pragma_user_version", [], |row| row.get(0));
+        let query = "SELECT user_version FROM pragma_user_version";
+        let found = db.query_row(query, [], |row| row.get(0))?;
+        return Ok(Some(found).filter(is_ours).unwrap_or(0));
     }
     // Other programs may comment on the table, too.
     let query = "SELECT coalesce(obj_description('study'::regclass, 'pg_class'), '')";
     let comment = db.query_row(query, [], |row| row.get::<_, String>(0))?;
     let number = comment.strip_prefix(UNFINISHED).map(|number| number.trim().parse().unwrap_or(1));
-    Ok(number.unwrap_or(0))
+    Ok(number.filter(is_ours).unwrap_or(0))
 }
 
+/// The numbers of copies begin with these bits, and end with those of a hash. Other programs may
+/// set the version of a SQLite file, too.
+const COPY: i64 = 0x5d00_0000;
+const COPY_BITS: i64 = 0x00ff_ffff;
+
 /// Records which copy is under way, if one was begun. Returns whether another one was begun.
-pub(super) fn claim_copy(db: &Connection, number: u32) -> Result<bool, StoreError> {
-    let found = unfinished(db)?;
+pub(super) fn claim_copy(db: &Connection, hash: u32) -> Result<bool, StoreError> {
+    let (found, number) = (unfinished(db)?, COPY | i64::from(hash) & COPY_BITS);
     if found == 1 {
         db.batch(&match db.is_sqlite() {
             true => format!("PRAGMA user_version = {number}; UPDATE mark SET text = text"),
             false => format!("COMMENT ON TABLE study IS '{UNFINISHED} {number}'"),
         })?;
     }
-    Ok(![0, 1, i64::from(number)].contains(&found))
+    Ok(![0, 1, number].contains(&found))
 }
 
 /// Records that a copy into an empty database begins.
@@ -183,6 +191,13 @@ pub(super) fn end_copy(db: &Connection) -> Result<(), StoreError> {
         "PRAGMA user_version = 0; UPDATE mark SET text = text",
         "COMMENT ON TABLE study IS NULL",
     ))?)
+}
+
+/// Makes an unfinished copy in a SQLite file count as finished. Returns whether there was one.
+pub(super) fn forget_copy(db: &Connection) -> Result<bool, StoreError> {
+    let is_unfinished = is_unfinished(db)?;
+    db.batch("PRAGMA user_version = 0")?;
+    Ok(is_unfinished)
 }
 
 /// Applies the missing migrations. If several servers start at the same time, only one does so.

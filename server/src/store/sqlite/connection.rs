@@ -139,13 +139,13 @@ pub(super) fn renew_indices(db: &Connection) -> Result<()> {
             "SELECT (SELECT count(rowid) FROM {table} INDEXED BY {quoted}) \
                   > (SELECT count(rowid) FROM {table} NOT INDEXED)"
         );
-        if db.query_row(&lacks_rows, [], |row| row.get::<_, bool>(0)).unwrap_or(false) {
-            continue;
+        match db.query_row(&lacks_rows, [], |row| row.get::<_, bool>(0)) {
+            Ok(true) => continue,
+            Ok(false) if db.batch(&format!("REINDEX {quoted}")).is_ok() => continue,
+            // REINDEX could free pages of a table to which a damaged index refers.
+            Ok(false) | Err(_) => {}
         }
-        let Some(columns) = columns.filter(|_| db.batch(&format!("REINDEX {quoted}")).is_err())
-        else {
-            continue;
-        };
+        let Some(columns) = columns else { continue };
         // SQLite cannot clear an index with damaged pages, so a new one takes its place.
         let make = match &*made_by {
             "" => format!("CREATE UNIQUE INDEX renewed ON {table} ({columns})"),

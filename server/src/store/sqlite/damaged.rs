@@ -16,11 +16,14 @@ use std::path::Path;
 /// later state of the database. In the copy, b-trees with lost pages are rebuilt over the surviving
 /// rows. The indices of readable tables are rebuilt, too, because damaged indices may miss rows. A
 /// log that is not the file's own is copied beside the copy, and opening the copy then fails.
-/// Returns the lost parts of the log, with reasons.
+/// Returns what was lost: each with its kind and the reason.
 ///
 /// # Errors
 /// If the file cannot be copied. The error contains the reason.
-pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static str)>> {
+pub fn copy_damaged(
+    from: &Path,
+    to: &Path,
+) -> io::Result<Vec<(&'static str, String, &'static str)>> {
     if !std::fs::metadata(from)?.is_file() {
         return Err(io::Error::other("it is a directory or a pipe"));
     }
@@ -35,6 +38,7 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static 
     let mut out = private::new_file(to)?;
     io::copy(&mut file, &mut out)?;
     let page = mark::page_length(&file).unwrap_or(PAGE);
+    const LOG: &str = "write-ahead log";
     let mut lost = Vec::new();
     if source.has_log() {
         if mark::of_file(&copy).is_err() {
@@ -48,7 +52,7 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static 
             Some(Misplaced::Damaged) => true,
             Some(Misplaced::Later) => {
                 let why = "it continues a later state than the file has; the data in between are missing and cannot be named";
-                lost.push(("(before its beginning)".to_owned(), why));
+                lost.push((LOG, "(before its beginning)".to_owned(), why));
                 false
             }
             Some(_) => return Ok(lost),
@@ -71,17 +75,17 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static 
         let mut applied = apply(None)?;
         // The mark that the log ends with, and the one that is now in the copy.
         let ends = log.as_ref().and_then(|log| Some((log.marked, log.marks.as_ref()?[1].clone())));
-        let found = mark::by_sqlite(&copy).ok().flatten();
-        if let (false, Some((marked, last)), Some((found, _))) = (is_damaged, ends, found)
-            && !last.is_before(&found)
+        let found = mark::by_sqlite(&copy);
+        if let (false, Some((marked, last)), Ok(found)) = (is_damaged, ends, found)
+            && !found.is_some_and(|(found, _)| last.is_before(&found))
         {
             applied = apply(Some(marked))?;
             let why = "another program wrote another database over this one; what was stored after that is left out";
-            lost.push(("(its end)".to_owned(), why));
+            lost.push((LOG, "(its end)".to_owned(), why));
         }
         if applied.lost > 0 {
             let why = "damaged; the latest data may be missing, and cannot be named";
-            lost.push((format!("({} pages)", applied.lost), why));
+            lost.push((LOG, format!("({} pages)", applied.lost), why));
         }
         std::fs::remove_file(copy.log())?;
     }
@@ -98,6 +102,11 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static 
     {
         if let Some(like) = like {
             let _ = migrations::renew(&db, &like);
+        }
+        if migrations::forget_copy(&db).unwrap_or(false) {
+            let why =
+                "an interrupted copy or restore was in it; what it did not copy is in its source";
+            lost.push(("database", "(the rest)".to_owned(), why));
         }
         let _ = connection::renew_indices(&db);
     }

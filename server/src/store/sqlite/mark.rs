@@ -5,7 +5,7 @@
 //! marks are compared before a file is opened.
 
 use super::connection;
-use super::file::{DatabaseFile, MAGIC};
+use super::file::{DatabaseFile, Identity, MAGIC};
 use super::log::{self, Frames, Index, PAGE, read_whole};
 use crate::store::opening::Misplaced;
 use crate::store::sql::{Connection, OptionalExtension, Result};
@@ -13,6 +13,7 @@ use memchr::memmem;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek};
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 /// The prefix of every mark.
@@ -92,8 +93,20 @@ pub(super) fn of_file(file: &DatabaseFile) -> Result<Option<(Mark, Place)>> {
 
 /// The mark on a page that has a mark and nothing else, if there is exactly one such page.
 pub(super) fn by_bytes(file: &DatabaseFile) -> io::Result<Option<(Mark, Place)>> {
-    let mut bytes = BufReader::with_capacity(1 << 20, File::open(file.path())?);
-    let length = page_length(bytes.get_ref()).unwrap_or(PAGE);
+    // Closing any handle of a file releases SQLite's locks on it, so this one stays open.
+    static OPEN: Mutex<Vec<(Identity, File)>> = Mutex::new(Vec::new());
+    let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
+    let identity = file.identity().map_err(io::Error::other)?;
+    let place = match open.iter().position(|(known, _)| *known == identity) {
+        Some(place) => place,
+        None => {
+            open.push((identity, File::open(file.path())?));
+            open.len() - 1
+        }
+    };
+    let handle = &open[place].1;
+    let length = page_length(handle).unwrap_or(PAGE);
+    let mut bytes = BufReader::with_capacity(1 << 20, handle);
     bytes.rewind()?;
     let (mut page, mut offset, mut found) = (vec![0; length], 0, None);
     while read_whole(&mut bytes, &mut page)? {
@@ -235,7 +248,8 @@ impl Log {
 /// Number of attempts to read a log while a server writes to it.
 const ATTEMPTS: usize = 20;
 
-/// Pause between two reads of the mark.
+/// Number of reads of the mark while a server waits for the disk, and the pause between them.
+const PATIENCE: usize = 100;
 const PAUSE: Duration = Duration::from_millis(100);
 
 /// The mismatch between a file and its log, if any. Changes nothing. `index` reads the log's index,
@@ -280,21 +294,28 @@ fn unlike(file: &DatabaseFile, index: impl Fn() -> Option<Index>) -> io::Result<
     Ok(None)
 }
 
-/// The mark that SQLite finds, with the log.
+/// The mark that SQLite finds, with the log. `None` if there is no mark.
 pub(super) fn with_log(db: &Connection) -> Result<Option<Mark>> {
-    let text = db.query_row("SELECT text FROM mark", [], |row| row.get::<_, String>(0))?;
-    Ok(Mark::find(text.as_bytes()))
+    let text = db.query_row("SELECT text FROM mark", [], |row| row.get::<_, String>(0)).optional();
+    let has = "SELECT 1 FROM sqlite_schema WHERE name = 'mark'";
+    match text {
+        Err(_) if !db.prepare_cached(has)?.exists([])? => Ok(None),
+        text => Ok(text?.and_then(|text| Mark::find(text.as_bytes()))),
+    }
 }
 
 /// Whether SQLite, which applies the log, finds a mark that the log's last mark cannot become.
-/// Another program wrote another database into this one, with its mark on another page.
+/// Another program wrote another database into this one, with its mark on another page or without one.
 pub(super) fn is_replaced(file: &DatabaseFile, db: &Connection) -> Result<bool> {
     let of = of_file(file).ok().flatten();
     let log = Log::read(file.log(), of.as_ref(), None).ok().flatten();
     let Some([_, last]) = log.and_then(|log| log.marks) else { return Ok(false) };
-    for _ in 0..ATTEMPTS {
-        if with_log(db)?.is_none_or(|found| last.is_before(&found)) {
+    for _ in 0..PATIENCE {
+        if with_log(db)?.is_some_and(|found| last.is_before(&found)) {
             return Ok(false);
+        }
+        if matches!(file.lock(), Ok(Some(_))) {
+            break;
         }
         // While a server waits for the disk, the log has a commit that SQLite does not show yet.
         std::thread::sleep(PAUSE);

@@ -218,8 +218,11 @@ impl Original {
         let log = mark::misplaced(&self.file, || self.index(true));
         let last = self.last.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let found = connection::reading(&self.file, true).and_then(|db| mark::with_log(&db));
-        if let (Some(last), Ok(Some(found))) = (last, found)
-            && !last.is_before(&found)
+        if !self.is_in_place() {
+            return self.check();
+        }
+        if let (Some(last), Ok(found)) = (last, found)
+            && !found.is_some_and(|found| last.is_before(&found))
         {
             self.replaced();
         }

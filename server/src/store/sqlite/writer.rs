@@ -17,7 +17,7 @@ mod rescue;
 
 use super::connection;
 use super::file::DatabaseFile;
-use super::mark::Mark;
+use super::mark::{self, Mark};
 use super::original::Original;
 use super::readers::Readers;
 use super::write_back::WriteBack;
@@ -370,6 +370,10 @@ impl Thread {
         // SQLite reports success even for a deleted file, whose content is lost.
         let checked = self.original.check_with_log();
         if committed.is_ok() || checked.is_err() {
+            if committed.is_err() {
+                // Otherwise the transaction would block other writers, and the rescue.
+                let _ = open.roll_back("ROLLBACK");
+            }
             self.db = Some(open);
         } else {
             // If no other connection has the file open, closing this one deletes the log and its index.
@@ -387,7 +391,7 @@ impl Thread {
     ) -> Result<bool, StoreError> {
         let before = connection::changes(db)?;
         db.control("BEGIN IMMEDIATE")?;
-        let mark = db.query_row("SELECT text FROM mark", [], mark_of)?;
+        let mark = mark::with_log(db)?;
         self.original.check_mark(mark.as_ref())?;
         let (first, others) = batch.split_at_mut(trials);
         run_trials(db, first)?;

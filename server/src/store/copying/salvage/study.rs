@@ -6,7 +6,7 @@ use crate::store::StoreError;
 use crate::store::sql::OptionalExtension;
 use crate::store::studies::key_of;
 use sidestep::study::StudyConfig;
-use std::collections::{BTreeMap, BTreeSet, HashSet};
+use std::collections::{BTreeMap, BTreeSet};
 
 impl Reader<'_> {
     /// A study, with its configurations and value functions as far as they can be read.
@@ -16,10 +16,17 @@ impl Reader<'_> {
             found => found?,
         };
         let Some(mut study) = read else { return Ok(None) };
-        let numbers: HashSet<i64> = study.versions.iter().map(|(number, ..)| *number).collect();
-        let last = numbers.iter().max().copied().unwrap_or(1);
-        for number in (1..=last).filter(|number| !numbers.contains(number)) {
-            self.lose("study_version", format!("{number} of {slug}"), "it cannot be read")?;
+        // The versions are ordered by number.
+        let mut before = 0;
+        for &(number, ..) in &study.versions {
+            if number > before + 1 {
+                let key = format!("{} to {} of {slug}", before + 1, number - 1);
+                self.lose("study_version", key, "it cannot be read")?;
+            }
+            before = number;
+        }
+        if study.versions.is_empty() {
+            self.lose("study_version", format!("of {slug}"), "it cannot be read")?;
         }
         if study.versions.is_empty() {
             // There is always a version, so the study's own row becomes version 1.
@@ -46,7 +53,8 @@ impl Reader<'_> {
             None => false,
         };
         study.versions.retain_mut(|(_, hash, ..)| saved(hash));
-        study.safety.retain_mut(|(hash, ..)| saved(hash));
+        // Value functions of an altered configuration may be of other parameters.
+        study.safety.retain(|(hash, ..)| self.configs.get(hash) == Some(hash));
         if !saved(&mut study.config_hash) {
             let Some((_, hash, ..)) = study.versions.last() else {
                 return self.lose("study", slug, "its configuration is lost").map(|()| None);

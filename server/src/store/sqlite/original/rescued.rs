@@ -75,7 +75,7 @@ impl Original {
         let Some(last) = last else { return Some(log) };
         let frames = Frames::of(log.try_clone().ok()?, Some(place.length)).ok()??;
         let found = Log::of(frames, Some(&(last.clone(), place)), None).ok()??;
-        found.marks.is_some_and(|[_, found]| found == last).then_some(log)
+        found.marks.is_some_and(|[_, found]| last.is_before(&found)).then_some(log)
     }
 
     /// Allows rescue files in folders other than the database's.
