@@ -112,7 +112,7 @@ pub async fn write(
     Ok(Written { bytes, report })
 }
 
-/// Refuses a database with faults, except for accepted ones.
+/// Refuses a database with faults, unless its only faults are trials that `accepted` keeps.
 ///
 /// # Errors
 /// [`BackupError::Unsound`] with the first fault.
@@ -160,15 +160,15 @@ pub fn list(folder: &Path, code: &str) -> io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Deletes the oldest backups of a database in a folder, except for the newest `keep` and the one
-/// with the name `written`. Returns the number of deleted files.
+/// Deletes the oldest backups of a database in a folder, except for the newest `keep` backups and the
+/// backup with the name `written`. Returns the number of deleted files.
 ///
 /// # Errors
 /// If a file cannot be deleted.
 pub fn prune(folder: &Path, code: &str, keep: usize, written: &str) -> io::Result<usize> {
     let mut old = list(folder, code)?;
     old.truncate(old.len().saturating_sub(keep));
-    // If the clock was wrong, older backups have names of the future.
+    // If the clock was wrong, older backups can have later times in their names.
     old.retain(|file| *file != folder.join(written));
     old.iter().try_for_each(std::fs::remove_file)?;
     Ok(old.len())

@@ -45,7 +45,7 @@ pub enum ClientError {
         /// The body of the response, if it has the format of a Sidestep server.
         problem: Option<Problem>,
     },
-    /// The response is not from a Sidestep server, or not from one of this version.
+    /// The response is not from a Sidestep server of this version.
     #[error("{origin}: {what}: not the answer of a Sidestep server: {why}")]
     NotUnderstood {
         /// The server's address.

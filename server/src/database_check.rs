@@ -131,8 +131,8 @@ pub struct Examined {
     pub fault: Option<String>,
 }
 
-/// All trials of a participant, in plan order. Each trial is replayed. A trial that cannot be read
-/// gives its id and the reason.
+/// All trials of a participant, in plan order. Each trial is replayed. For a trial that cannot be read,
+/// returns its id and the reason.
 ///
 /// # Errors
 /// [`StoreError`] if the ids of the trials cannot be read.

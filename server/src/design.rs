@@ -1,4 +1,4 @@
-//! How the scenes of a study are spread over its participants, for a preview before anyone is invited.
+//! The assignment of a study's scenes to its participants, for a preview before anyone is invited.
 
 pub mod balance;
 
@@ -16,12 +16,12 @@ pub struct PhaseDesign {
     pub phase: PhaseConfig,
     /// The strata of the phase.
     pub strata: Stratification,
-    /// The scenes in their order, by place of the participant.
+    /// The scenes in their order, for each place of a participant.
     pub people: Vec<Vec<StratifiedScene>>,
 }
 
-/// A number of participants that shows how evenly the scenes are spread. It is one block of the
-/// phase with the most scenes, or 50 if a block is more than 100.
+/// A number of participants for the preview, which shows how evenly the scenes are distributed. It is
+/// one block of the phase with the most scenes, or 50 if a block has more than 100 participants.
 #[must_use]
 pub fn usual_participants(study: &StudyConfig) -> u64 {
     let largest = study.phases.iter().map(|phase| phase.scenes).max().unwrap_or(1);

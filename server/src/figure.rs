@@ -31,7 +31,7 @@ struct Window {
 }
 
 impl Window {
-    /// The bounding box of points, of which there must be at least one.
+    /// The bounding box of one or more points.
     fn around(points: impl IntoIterator<Item = [f64; 2]>) -> Self {
         let none = [f64::INFINITY, f64::NEG_INFINITY];
         let widened = |[low, high]: [f64; 2], value: f64| [low.min(value), high.max(value)];

@@ -1,5 +1,5 @@
-//! The HTTP interface: a module for each resource, the one table of routes, and the layers around every
-//! request.
+//! The HTTP interface: a module for each resource, the single table of routes, and the layers around
+//! every request.
 
 pub mod throttle;
 pub mod error;

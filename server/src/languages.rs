@@ -13,7 +13,7 @@ use sidestep::invalid::Invalid;
 use sidestep::study::{Localised, StudyConfig, closest_language};
 use std::path::{Path, PathBuf};
 
-/// The built-in languages by tag, English first. To add one, add its file and a line here.
+/// The built-in languages by tag, English first. To add a language, add its file and a line here.
 pub const BUILT_IN: &[(&str, &str)] = &[
     ("en", include_str!("../../static/languages/en.toml")),
     ("de", include_str!("../../static/languages/de.toml")),
@@ -52,7 +52,7 @@ impl Languages {
         Ok(languages)
     }
 
-    /// Replaces the sentences of a language by those of a file.
+    /// Replaces sentences of a language with the sentences of a file, or adds a new language.
     fn add(&mut self, tag: &str, file: &Path) -> Result<(), String> {
         let name = file.display();
         let text = std::fs::read_to_string(file)
@@ -84,7 +84,8 @@ impl Languages {
         self.all.iter().map(|(tag, _)| tag.as_str())
     }
 
-    /// Accepts a study if its languages exist, and if each of its own sentences replaces an existing one.
+    /// Accepts a study if its languages exist, and if each of its own sentences replaces an existing
+    /// sentence.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.
@@ -182,9 +183,9 @@ impl Languages {
         found
     }
 
-    /// The languages that participants can choose in a study: the languages that it names, or
-    /// otherwise the languages in which all of its texts exist. A named language that no longer
-    /// exists is left out; if none is left, the study is treated as if it named none.
+    /// The languages that participants can choose in a study. These are the languages that the study
+    /// names. If it names none, these are the languages in which all of its texts exist. A named
+    /// language that no longer exists is ignored.
     #[must_use]
     pub fn offered<'a>(&'a self, study: &'a StudyConfig) -> Vec<&'a str> {
         let wanted = study.languages.iter().map(String::as_str);

@@ -1,4 +1,4 @@
-//! Copies the readable part of a damaged database into a new one.
+//! Copies the readable part of a damaged database into a new database.
 
 use crate::database_check::{self, Report, Wrong};
 use crate::store::copying::salvage::{Lost, Salvaged};
@@ -16,7 +16,7 @@ pub async fn salvage(
     to: &Store,
     mut lost: impl FnMut(Lost),
 ) -> Result<Report, StoreError> {
-    // Several studies can have the same configuration.
+    // Several studies can have the same configuration, so a lost row may be found several times.
     let mut named = HashSet::new();
     let mut lost = |row: Lost| {
         if named.insert((row.table.clone(), row.key.clone())) {

@@ -10,9 +10,9 @@ use sidestep::synthetic;
 use sidestep::trial::Phase;
 use std::collections::HashMap;
 
-/// The tasks of all participants of a study whose data have not been deleted. Excludes participants
-/// who enrolled under parameters that differ from the study's present parameters, who were excluded
-/// by an experimenter, or who have states that the vehicles cannot have driven.
+/// The tasks of a study's participants, without participants whose data were deleted. Excludes
+/// participants who enrolled under parameters that differ from the study's present parameters, who were
+/// excluded by an experimenter, or who have states that the vehicles cannot have driven.
 ///
 /// # Errors
 /// [`StoreError`] if the database cannot be read.
@@ -37,8 +37,8 @@ pub enum Person {
     Excluded(Exclusion),
 }
 
-/// Reads the participants of a study one after another, so that at most one is in memory and no
-/// read is long. A long read prevents SQLite from checkpointing its log.
+/// Reads the participants of a study one after another, so that at most one participant is in memory
+/// and no read is long. A long read prevents SQLite from checkpointing its log.
 pub struct People<'a> {
     store: &'a Store,
     scene: SceneParameters,
@@ -58,7 +58,7 @@ impl<'a> People<'a> {
         Ok(Self { store, scene: study.config.parameters, ids, excluded })
     }
 
-    /// The next participant who drove. Returns `None` after the last one.
+    /// The next participant who drove. Returns `None` after the last participant.
     ///
     /// # Errors
     /// [`StoreError`] if the database cannot be read.

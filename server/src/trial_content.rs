@@ -1,5 +1,5 @@
 //! The content of a trial and its hash. The hash distinguishes a repeated upload from a different
-//! one, and a sound row from a damaged one.
+//! upload, and a sound row from a damaged row.
 //!
 //! A [`Recipe`] computes the hash, and each row stores the number of its recipe. A recipe never
 //! changes and does not use the wire types. So a new field of an upload changes no stored hash. If
@@ -134,9 +134,9 @@ impl Recipe {
     }
 }
 
-/// Recipe 1, or recipe 3 if `with_page`. Numbers are written as by `serde_json`, as the shortest
-/// decimal that parses to the same bits, with a point or an exponent. Key events and display are
-/// the texts stored in the row.
+/// Recipe 1, or recipe 3 if `with_page`. Numbers have the format of `serde_json`: the shortest decimal
+/// that parses to the same bits, with a point or an exponent. Key events and display are the texts
+/// stored in the row.
 fn upload_json(out: &mut impl Write, content: &Content, with_page: bool) -> io::Result<()> {
     out.write_all(b"{\"started_at_ms\":")?;
     number(out, content.started_at_ms.unwrap_or_default())?;

@@ -34,7 +34,7 @@ impl InputBounds {
     ///
     /// # Errors
     /// [`Invalid`] if the lists are empty or differ in length, a bound is not finite or is outside
-    /// the turn rate, `lo[i] > hi[i]`, or the turn rate is not a range.
+    /// `turn_rate`, `lo[i] > hi[i]`, or `turn_rate` is not a range.
     pub fn new(lo: Vec<f64>, hi: Vec<f64>, turn_rate: (f64, f64)) -> Result<Self, Invalid> {
         check_range("turn_rate", turn_rate)?;
         if lo.is_empty() {
@@ -76,7 +76,7 @@ impl InputBounds {
     }
 }
 
-/// Accepts a range of turn rates: two finite numbers, the lower one first.
+/// Checks that a range of turn rates has two finite ends, the lower one first.
 fn check_range(field: &str, (low, high): (f64, f64)) -> Result<(), Invalid> {
     if low.is_finite() && high.is_finite() && low <= high {
         return Ok(());
@@ -107,7 +107,7 @@ impl<M: ActionModel + ?Sized> ActionModel for &M {
     }
 }
 
-/// Speeds and turn rates of both vehicles in roll-outs. A turn rate is a range (rad/s), which need
+/// Speeds and turn rates of both vehicles in roll-outs. Turn rates are ranges (rad/s), which need
 /// not be symmetric.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
@@ -124,7 +124,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Accepts speeds and a step > 0, and ranges whose lower end comes first.
+    /// Checks that speeds and the step are > 0, and that the lower end of each range comes first.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.

@@ -1,13 +1,13 @@
 //! Checks whether a planned trajectory of the robot stays clear of every position that the human can
 //! reach, and bounds the probability of a collision.
 //!
-//! * [`Plan`]: the robot's poses step by step, with any speeds and turn rates; [`Footprint`]: a disc or
+//! * [`Plan`]: the robot's poses step by step, with any speeds and turn rates. [`Footprint`]: a disc or
 //!   a convex polygon, with a margin.
 //! * [`ClearanceFinder`]: a guaranteed lower bound on the distance between footprint and human, for
-//!   each nested set and each step. It holds at every instant and for all turn rates. The finder
-//!   uses no polygons of the sets, so it does not inherit their errors.
-//! * [`Clearances`]: the largest set of which the plan is clear; [`CoverageBounds`]: the resulting
-//!   bound on the probability of a collision, after a calibration.
+//!   each nested set and each step. It holds at every instant of the step and for all turn rates. The
+//!   finder uses no polygons of the sets, so it does not inherit their errors.
+//! * [`Clearances`]: the results, including the largest set that the plan is clear of.
+//!   [`CoverageBounds`]: the resulting bound on the probability of a collision, after a calibration.
 //! * [`OnlinePredictor`]: prediction and clearances in a robot's control loop, without lifetime
 //!   parameters and without allocation.
 //!

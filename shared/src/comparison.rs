@@ -1,10 +1,11 @@
 //! The paper's comparison: do safety levels help to predict people?
 //!
-//! For every participant, feature set, model and experiment, [`run()`] trains a model, with
-//! hyper-parameters chosen by cross-validation over whole trials, and tests it on the participant's
-//! last tasks. From these cells [`analyse`] computes every number that a report prints: the paper's
-//! tables, the tests of differences, the ablation, calibration, roll-outs and findings. All results
-//! are bit-for-bit independent of the order of rows and participants and of the number of threads.
+//! For every participant, feature set, model and experiment, [`run()`] trains a model and tests it
+//! on the participant's last tasks. Hyper-parameters are chosen by cross-validation that holds out
+//! whole trials. From the resulting cells, [`analyse`] computes every number that a report prints:
+//! the paper's tables, the tests of differences, the ablation, calibration, roll-outs and findings.
+//! All results are bit-identical for every order of rows and participants and every number of
+//! threads.
 
 pub mod metrics;
 pub mod split;

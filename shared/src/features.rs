@@ -12,8 +12,8 @@ use crate::scene::{Evader, JointState, SceneParameters};
 use core::ops::ControlFlow;
 use serde::{Deserialize, Serialize};
 
-/// The human's past turns. A model with these features has memory, so in a roll-out it can hold a
-/// key and release it.
+/// The human's past turns. A model with these features has memory, so in a roll-out it can predict
+/// that a key is held and later released.
 const HISTORY: [&str; 3] = ["turned_1", "turned_2", "turned_5"];
 
 /// The name of the largest set: both safety levels, distance, the body frame and the human's past
@@ -26,8 +26,8 @@ pub const HISTORY_SET: &str = "hrd_body_history";
 pub struct FeatureSet(Vec<usize>);
 
 impl FeatureSet {
-    /// The paper's sets: B with the safety levels and the distance that the letters select (`hrd`,
-    /// `hr`, `hd`, `rd`, `h`, `r`, `d`), or B alone (the empty string).
+    /// The paper's sets: the base features B, and the safety levels and the distance that the
+    /// letters select (`hrd`, `hr`, `hd`, `rd`, `h`, `r`, `d`). The empty string selects B alone.
     ///
     /// # Errors
     /// [`Invalid`] for any other letter, a repeated letter or letters in another order.
@@ -100,7 +100,7 @@ impl FeatureSet {
         Self((0..FEATURES.len()).collect())
     }
 
-    /// The entries of the table in this set.
+    /// The table entries of this set's features.
     pub fn features(&self) -> impl ExactSizeIterator<Item = &'static Feature> {
         self.0.iter().map(|&index| &FEATURES[index])
     }
@@ -111,8 +111,8 @@ impl FeatureSet {
     }
 
     /// The safety levels that these features need. If a feature depends on the game, they are the
-    /// safety levels of `parameters`. Otherwise they are those of two identical vehicles, which no
-    /// feature uses and which need no solve.
+    /// safety levels of `parameters`. Otherwise, they are the safety levels of two identical
+    /// vehicles. No feature uses these levels, and they need no numerical solve.
     ///
     /// # Errors
     /// The errors of [`SafetyLevels::solve`].
@@ -136,8 +136,8 @@ impl FeatureSet {
         }
     }
 
-    /// Like [`Self::compute_into`], but starts from the row of the previous state, if there is one.
-    /// Features that look back to the start of the trial then cost no more than the others.
+    /// Like [`Self::compute_into`], but uses the row of the previous state, if there is one.
+    /// Features that look back to the start of the trial then cost no more than other features.
     pub fn compute_after(
         &self,
         before: Option<&[f64]>,

@@ -1,6 +1,7 @@
 //! A predictor maps a row of numbers to a probability for each class. It knows nothing about the
-//! meaning of features or classes. Each kind of model, with its fields in predictor.json, has its
-//! own source file. The table below combines the kinds into this file format (`predict/file.rs`).
+//! meaning of features or classes. Each kind of model has its own source file, which also defines
+//! its fields in predictor.json. The table below combines the kinds into the file format
+//! (`predict/file.rs`).
 
 mod kind;
 pub mod scale;
@@ -49,8 +50,8 @@ impl Predictor {
         Self { features, classes, actions: None, model }
     }
 
-    /// Sets the turn rate of each class (rad/s). Without turn rates, the classes are turn
-    /// directions: −1 right, 0 straight, 1 left.
+    /// Sets the turn rate of each class (rad/s). The classes of a predictor without turn rates are
+    /// turn directions: −1 right, 0 straight, 1 left.
     ///
     /// # Errors
     /// [`Invalid`] if there is not exactly one finite rate per class, in strictly ascending order.
@@ -83,7 +84,7 @@ impl Predictor {
     }
 
     /// The predicted class for a row of raw features: the most probable class, or for an SVM the
-    /// class with the most votes. On a tie, the first of these classes.
+    /// class with the most votes. Ties go to the first class.
     #[must_use]
     pub fn class(&self, row: &[f64]) -> i8 {
         let class = self.model.class(row, self.classes.len());
@@ -111,7 +112,8 @@ mod tests {
     use crate::document::from_value;
     use serde_json::{Value, json};
 
-    /// One file of each kind, with both kernels for SVMs. Numbers are in serde_json's format.
+    /// One file of each kind, and for SVMs one file of each kernel. Numbers are in serde_json's
+    /// format.
     fn files() -> [Value; 6] {
         let logistic = r#"{"format":"sidestep-predictor/1","kind":"logistic",
             "features":["distance","v_h"],"classes":[-1,0,1],"actions":[-0.3,0.1,0.6],
@@ -156,7 +158,8 @@ mod tests {
         p
     }
 
-    /// Sets the value at `pointer` (`None` removes it) and returns the field that the error names.
+    /// Sets the value at `pointer`, or removes it if `value` is `None`. Returns the field that the
+    /// error names.
     fn field(document: &Value, pointer: &str, value: impl Into<Option<Value>>) -> String {
         let mut document = document.clone();
         match value.into() {

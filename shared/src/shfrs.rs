@@ -1,5 +1,5 @@
-//! Stochastic human forward reachable sets (SHFRS): nested regions of the plane that are predicted
-//! from the states so far.
+//! Stochastic human forward reachable sets (SHFRS): nested sets of positions that the human may
+//! reach. They are predicted from the states so far.
 
 pub mod file;
 pub mod window;
@@ -41,9 +41,10 @@ pub struct PredictedHuman<'a> {
 
 /// The turn rates of a predictor's classes (rad/s).
 enum Actions<'a> {
-    /// Turn rates from the predictor.
+    /// Turn rates that the predictor specifies.
     Given(&'a [f64]),
-    /// For classes that are turn directions: the turn rates in the first N entries, one per class.
+    /// Turn rates of classes that are turn directions, and the number N of classes. Only the first
+    /// N entries are used, one per class.
     OfTurns([f64; 3], usize),
 }
 
@@ -51,7 +52,7 @@ enum Actions<'a> {
 const MOST_FEATURES: usize = FEATURES.len();
 
 impl<'a> PredictedHuman<'a> {
-    /// The human of `parameters`, predicted by `predictor`.
+    /// A human with the turn range of `parameters`, predicted by `predictor`.
     ///
     /// # Errors
     /// The errors of [`Self::within`].
@@ -63,12 +64,12 @@ impl<'a> PredictedHuman<'a> {
         Self::within(predictor, safety, parameters.human.turn_range())
     }
 
-    /// A human whose turn rate is from `turn_rate.0` to `turn_rate.1` (rad/s), predicted by
-    /// `predictor`. If the predictor has no turn rates for its classes, class −1 means the lowest
-    /// turn rate, class 0 means straight and class 1 means the highest turn rate.
+    /// A human whose turn rate ranges from `turn_rate.0` to `turn_rate.1` (rad/s), predicted by
+    /// `predictor`. If the predictor specifies no turn rates for its classes, class −1 means the
+    /// lowest turn rate, class 0 means straight and class 1 means the highest turn rate.
     ///
     /// # Errors
-    /// [`Invalid`] if the predictor has no turn rates and a class is not −1, 0 or 1.
+    /// [`Invalid`] if the predictor specifies no turn rates and a class is not −1, 0 or 1.
     pub fn within(
         predictor: &'a Predictor,
         safety: &'a SafetyLevels,
@@ -135,12 +136,12 @@ impl ShfrsSettings {
         Self { bounds, polygon: PolygonSettings::default(), by_step: false }
     }
 
-    /// The paper's settings (Figure 3, left): ε = 0, 0.15, 0.25, 0.4, 1.0 rad/s and k = 2, 2, 1, 1
-    /// … over ten steps. A predictor with a single action has k = 1. Roll-outs are
-    /// [`Rollout::Base`], which keeps regions nested when ε changes. Polygons are accurate to 1 mm.
-    /// These ε are for a human who turns at up to 0.5 rad/s. For others,
-    /// [`in_proportion`](crate::bounds::in_proportion) scales them so that the last ε admits every
-    /// turn.
+    /// The paper's settings (Figure 3, left): ε = 0, 0.15, 0.25, 0.4, 1.0 rad/s, and k = 2 in the
+    /// first two of ten steps and k = 1 in the others. A predictor with a single action always has
+    /// k = 1. Roll-outs are [`Rollout::Base`], which keeps regions nested when ε changes. Polygons
+    /// are accurate to 1 mm. These values of ε suit a human whose maximum turn rate is 0.5 rad/s.
+    /// For another maximum, [`in_proportion`](crate::bounds::in_proportion) scales them so that the
+    /// last ε admits every turn.
     ///
     /// # Errors
     /// [`Invalid`] if there are no actions.
@@ -186,8 +187,8 @@ pub struct NestedSet {
     pub tube_outline: Outline,
     /// Area of the tube (m²).
     pub area_m2: f64,
-    /// The positions that are reachable after exactly 1 … T steps, one polygon per step, in the
-    /// same form as `tube`. Empty without [`ShfrsSettings::by_step`].
+    /// One polygon per step, which contains the positions that are reachable after exactly that
+    /// many steps, in the format of `tube`. Empty unless [`ShfrsSettings::by_step`] is set.
     pub steps: Vec<Vec<[f64; 2]>>,
     /// Like `tube_outline`, for each polygon of `steps`.
     pub step_outlines: Vec<Outline>,
@@ -274,7 +275,7 @@ pub struct Shfrs {
 #[derive(Clone, Debug, Default)]
 pub struct ShfrsPredictor {
     algorithm: Algorithm1,
-    /// The reachable sets of `shfrs`.
+    /// The reachable sets from which the polygons of `shfrs` are computed.
     reachable: Vec<ReachableSet>,
     /// The speed (m/s) and the time step (s) of `reachable`.
     made_for: Option<(f64, f64)>,
@@ -291,7 +292,7 @@ impl ShfrsPredictor {
     }
 
     /// Predicts the sets from the joint states up to now. Assumes that the robot drives straight
-    /// on.
+    /// ahead.
     ///
     /// # Errors
     /// The errors of [`Algorithm1::run`].

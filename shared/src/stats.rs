@@ -41,7 +41,7 @@ pub struct Tally {
     pub of: usize,
 }
 
-/// Accepts a probability strictly between 0 and 1.
+/// Returns `value` if it is strictly between 0 and 1.
 ///
 /// # Errors
 /// [`Invalid`] for any other number, and for NaN.
@@ -54,14 +54,15 @@ pub fn open_probability(field: &str, value: f64) -> Result<f64, Invalid> {
 }
 
 /// P(X ≤ x) of a beta distribution with parameters a, b > 0. It is 0 for x < 0 and 1 for x > 1. The
-/// relative error is about 10⁻¹³ for parameters in the hundreds, and 10⁻¹⁰ for 10⁵.
+/// relative error is about 10⁻¹³ if the parameters are in the hundreds, and about 10⁻¹⁰ if they are
+/// 10⁵.
 #[must_use]
 pub fn beta_cdf(x: f64, a: f64, b: f64) -> f64 {
     // Rounding may put the result slightly outside [0, 1].
     x.clamp(0.0, 1.0).inc_beta(a, b, a.ln_beta(b)).clamp(0.0, 1.0)
 }
 
-/// The quantile function: the x in [0, 1] for which [`beta_cdf`] is `probability`.
+/// The quantile function: the x in [0, 1] at which [`beta_cdf`] equals `probability`.
 #[must_use]
 pub fn beta_quantile(probability: f64, a: f64, b: f64) -> f64 {
     let probability = probability.clamp(0.0, 1.0);
@@ -71,14 +72,14 @@ pub fn beta_quantile(probability: f64, a: f64, b: f64) -> f64 {
     probability.inv_inc_beta(a, b, a.ln_beta(b)).clamp(0.0, 1.0)
 }
 
-/// Algorithm AS 109 has an absolute error of 10⁻³⁰. Below this probability it loses digits, and at
-/// 10⁻²⁰⁰ it does not terminate.
+/// The smallest probability for which Algorithm AS 109 is used. It has an absolute error of 10⁻³⁰,
+/// so it loses digits below this probability. At 10⁻²⁰⁰, it does not terminate.
 const LEAST_OF_NEWTON: f64 = 1e-18;
 
-/// The largest number in [0, 1] for which a monotone predicate is false, by bisection.
+/// The largest number in [0, 1] for which a monotone predicate is false, found by bisection.
 fn bisected(holds: impl Fn(f64) -> bool) -> f64 {
-    // Non-negative numbers are ordered like their bits, so bisecting the bits keeps the relative
-    // error small.
+    // Non-negative floats are ordered like their bit patterns. Bisecting the bit patterns keeps the
+    // relative error small.
     let (mut no, mut yes) = (0.0_f64.to_bits(), 1.0_f64.to_bits());
     while yes - no > 1 {
         let middle = u64::midpoint(no, yes);
@@ -108,9 +109,9 @@ pub fn binomial_at_least(hits: usize, of: usize, probability: f64) -> f64 {
 }
 
 /// The exact confidence interval of a proportion after `hits` in `of` independent trials (Clopper
-/// and Pearson, Biometrika 1934). Its coverage is at least `confidence`, which must be in (0, 1);
-/// the error bounds are the same on both sides. Counts may be fractional, because effective sample
-/// sizes are; 0 ≤ `hits` ≤ `of`. Without trials, the interval is [0, 1].
+/// and Pearson, Biometrika 1934). Its coverage is at least `confidence`, which must be in (0, 1).
+/// The error bounds are the same on both sides. Counts may be fractional, because effective sample
+/// sizes are fractional. `hits` must be from 0 to `of`. Without trials, the interval is [0, 1].
 #[must_use]
 pub fn clopper_pearson(hits: f64, of: f64, confidence: f64) -> (f64, f64) {
     let tail = 0.5 * (1.0 - confidence);
@@ -121,18 +122,19 @@ pub fn clopper_pearson(hits: f64, of: f64, confidence: f64) -> (f64, f64) {
 }
 
 /// The proportion of windows with some property, given the tally of each trajectory. The interval
-/// assumes that *trajectories* are independent, but assumes nothing about windows within one. It is
-/// [`clopper_pearson`] at the effective sample size n* = (Σw_i)²/Σw_i² of trajectories with w_i
-/// windows (Kish, Survey Sampling, 1965), as if all windows of a trajectory agreed. If all
-/// trajectories have equally many windows, n* is the number of trajectories. If each has one
-/// window, the interval is exact.
+/// assumes that *trajectories* are independent, but assumes nothing about the windows within a
+/// trajectory. It is [`clopper_pearson`] at the effective sample size n* = (Σw_i)²/Σw_i², where w_i
+/// is the number of windows of trajectory i (Kish, Survey Sampling, 1965). This treats all windows
+/// of a trajectory as if they agreed. If all trajectories have equally many windows, n* is the
+/// number of trajectories. If each trajectory has one window, the interval is exact.
 ///
-/// Korn and Graubard (Survey Methodology 24, 1998) give a narrower interval. They estimate the
-/// agreement between windows from the variance between trajectories. If a few trajectories miss in
-/// all their windows and the others almost never miss, samples contain too few of the former. In
-/// simulations, the coverage of that interval was 0.75 instead of 0.90 with 30 trajectories, and
-/// still 0.87 with 300. The interval here had its nominal coverage in all simulations, but it is
-/// wider than necessary if windows of a trajectory hardly agree.
+/// Korn and Graubard (Survey Methodology 24, 1998) give a narrower interval, which estimates the
+/// agreement between windows from the variance between trajectories. It fails if a few trajectories
+/// miss in all their windows and the others almost never miss, because samples contain too few of
+/// these few trajectories. In simulations, its coverage was 0.75 instead of 0.90 with 30
+/// trajectories, and still only 0.87 with 300. The interval of this function had its nominal
+/// coverage in all simulations. However, it is wider than necessary if the windows of a trajectory
+/// hardly agree.
 ///
 /// Without windows, the proportion is unknown: the value is 0 and the interval is [0, 1].
 ///
@@ -157,16 +159,18 @@ pub fn share(tallies: &[Tally], confidence: f64) -> Result<Estimate, Invalid> {
 }
 
 /// The mean of people's shares, each from 0 to 1. The interval treats the people as drawn from a
-/// population and assumes nothing else. It is Student's interval of the mean after adding half a
-/// person with share 0 and half a person with share 1, clamped to [0, 1].
+/// population and assumes nothing else. To compute it, half a person with share 0 and half a person
+/// with share 1 are added. Student's interval of the mean is then clamped to [0, 1].
 ///
 /// Without these two halves, the interval would be too short if nearly all people have the same
-/// small share. In simulations with 5 to 50 people of 10 or 50 tasks, with mean shares of 0.03 to
-/// 0.5 and similar or different people, Student's 95 % interval covered in 84 to 94 % on average
-/// and in 50 % at worst, the bootstrap in 76 to 93 % and 48 %, and Korn and Graubard's interval
-/// with their degrees of freedom in 95 to 97 % and 73 %. The interval here covered in at least 95 %
-/// in each case, and it is a fifth to a half shorter than the interval of [`share`]. If all shares
-/// are 0 or 1, and seldom 1, it covers less: 91 % with a mean of 0.1 and 24 people.
+/// small share. Coverage was simulated for 5 to 50 people with 10 or 50 tasks each, for mean shares
+/// of 0.03 to 0.5, and for similar and different people. The coverage of Student's 95 % interval
+/// was 84 to 94 % on average and 50 % at worst. The coverage of the bootstrap was 76 to 93 % on
+/// average and 48 % at worst. The coverage of Korn and Graubard's interval with their degrees of
+/// freedom was 95 to 97 % on average and 73 % at worst. The interval of this function covered in at
+/// least 95 % in each case, and it is a fifth to a half shorter than the interval of [`share`]. If
+/// all shares are 0 or 1, and seldom 1, its coverage is lower: 91 % with a mean of 0.1 and 24
+/// people.
 ///
 /// Without people, the share is unknown: the value is 0 and the interval is [0, 1].
 ///
@@ -190,7 +194,8 @@ pub fn mean_share(shares: &[f64], confidence: f64) -> Result<Estimate, Invalid> 
     Ok(Estimate { value, low: low.min(value), high: high.max(value) })
 }
 
-/// The t with P(|T| ≤ t) = `probability` for Student's T with `freedom` degrees of freedom.
+/// The t for which P(|T| ≤ t) = `probability`, if T is Student's T with `freedom` degrees of
+/// freedom.
 fn student(probability: f64, freedom: f64) -> f64 {
     // T²/(T² + freedom) has a beta distribution.
     let part = beta_quantile(probability, 0.5, 0.5 * freedom);
@@ -223,8 +228,8 @@ mod tests {
         assert_eq!(mean_share(&[0.5], 1.0).unwrap_err().field, "confidence");
     }
 
-    /// A fifth of the people are often in danger, the others rarely. The mean is 0.2 · 0.6 + 0.8 ·
-    /// 0.05.
+    /// A fifth of the people are often in danger, the others rarely. The mean share is
+    /// 0.2 · 0.6 + 0.8 · 0.05 = 0.16.
     #[test]
     fn the_interval_over_people_covers_where_few_differ_from_all_others() {
         let (mut rng, draws, truth) = (SeededRng::new(11), 2000, 0.16);
@@ -301,7 +306,7 @@ mod tests {
         assert!(beta_quantile(5e-324, 3.0, 3.0) < 1e-100);
     }
 
-    /// Compares the tail with its sum, and checks its ends.
+    /// Compares the tail probabilities with sums, and checks the ends.
     #[test]
     fn binomial_tails_are_sums() {
         for (n, p) in [(1, 0.3), (12, 0.75), (40, 0.9), (100, 0.05)] {
@@ -317,8 +322,8 @@ mod tests {
         }
     }
 
-    /// For no hits in n, the upper end is 1 − (α/2)^{1/n}, about 3.7/n for α = 5 % (3/n one-sided).
-    /// For 8 of 10 and 15 of 20, the expected intervals are in every textbook.
+    /// For no hits in n trials, the upper end is 1 − (α/2)^{1/n}, which is about 3.7/n for α = 5 %
+    /// (one-sided: 3/n). The expected intervals for 8 of 10 and for 15 of 20 are in every textbook.
     #[test]
     fn clopper_pearson_meets_its_tables() {
         for n in [1.0, 10.0, 100.0, 3000.0] {

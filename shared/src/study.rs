@@ -60,8 +60,8 @@ pub struct StudyConfig {
     pub closing: Closing,
     /// Recruiting service: links to the study and return URLs.
     pub recruitment: Recruitment,
-    /// Sentences of the participant's page that override the language files: by language, then by
-    /// key, such as `[texts.en] "welcome.lead" = "…"`.
+    /// Sentences of the participant's page that override the language files. The first key is the
+    /// language, and the second key is the sentence's key, as in `[texts.en] "welcome.lead" = "…"`.
     pub texts: BTreeMap<String, BTreeMap<String, String>>,
 }
 
@@ -248,8 +248,8 @@ impl StudyConfig {
         Ok(())
     }
 
-    /// Checks the placeholders of all texts. Only the check of understanding may have one:
-    /// `{radius}`.
+    /// Checks that no text contains a placeholder. The only exception is `{radius}` in the check of
+    /// understanding.
     fn check_places(&self) -> Result<(), Invalid> {
         for (field, texts) in self.localised() {
             for (language, text) in &texts.0 {

@@ -86,14 +86,15 @@ pub struct Playback {
     /// V_HR and V_RH of each state (m).
     levels: Vec<[f64; 2]>,
     method: Option<Method>,
-    /// The probabilities at the start of each step, once computed and if the method has any.
+    /// The probabilities at the start of each step. Empty until they are computed, or if the method
+    /// has none.
     forecast: Vec<Probabilities>,
     now: Now,
     /// The states up to now.
     history: Vec<JointState>,
     predictor: ShfrsPredictor,
-    /// The current probabilities, once computed. If they are present, the predictor's sets are
-    /// current, too.
+    /// The current probabilities. `None` until they are computed. If they are present, the
+    /// predictor's sets are current, too.
     probabilities: Option<Probabilities>,
     curves: Curves,
     /// Label of the scale bar.
@@ -107,7 +108,7 @@ pub struct Playback {
 pub struct Now {
     /// Time since the start of the trial (s).
     pub time_s: f64,
-    /// The current step; at the end of the trial, the number of steps.
+    /// Index of the current step. At the end of the trial, it equals the number of steps.
     pub step: usize,
     /// The poses of both vehicles.
     pub state: JointState,
@@ -167,8 +168,8 @@ impl Playback {
         self.window = self.recorded.window(human.speed_mps * step_s * steps as f64);
     }
 
-    /// Updates a trial that is being driven to the inputs and states so far. The last recorded step
-    /// may have changed.
+    /// Updates the recording of a trial that is still being driven. `inputs` and `states` contain
+    /// everything so far. The last step that was recorded before may have changed.
     ///
     /// # Errors
     /// [`Invalid`] unless there is exactly one more state than inputs, and the errors of
@@ -231,7 +232,8 @@ impl Playback {
         self.now
     }
 
-    /// The predicted probabilities at this moment, once computed and if the method has any.
+    /// The predicted probabilities at this moment. `None` until they are computed, or if the method
+    /// has none.
     #[must_use]
     pub fn probabilities(&self) -> Option<&Probabilities> {
         self.probabilities.as_ref()
@@ -248,7 +250,7 @@ impl Playback {
         learned.map(PredictedSet::from).chain(empirical)
     }
 
-    /// The number of predicted sets at this moment; 0 until they are predicted.
+    /// The number of predicted sets at this moment, or 0 until they are predicted.
     #[must_use]
     pub fn set_count(&self) -> usize {
         match self.empirical() {
@@ -283,7 +285,7 @@ impl Playback {
         self.foresee()
     }
 
-    /// Sets the learned function that predicts; `None` turns prediction off.
+    /// Sets the learned function that predicts. `None` turns prediction off.
     ///
     /// # Errors
     /// The errors of [`Self::use_method`].
@@ -291,11 +293,11 @@ impl Playback {
         self.use_method(learned.map(Method::Learned))
     }
 
-    /// Sets the prediction method; `None` turns prediction off.
+    /// Sets the prediction method. `None` turns prediction off.
     ///
     /// # Errors
-    /// [`Invalid`] if a function does not give a probability for each input. Prediction is then
-    /// off.
+    /// [`Invalid`] if a learned function has classes other than left, straight and right.
+    /// Prediction is then off.
     pub fn use_method(&mut self, method: Option<Method>) -> Result<(), Invalid> {
         self.forecast.clear();
         self.probabilities = None;
@@ -347,7 +349,8 @@ impl Playback {
     pub fn go(&mut self, view: &View) -> Result<(), Invalid> {
         let Recorded { parameters, inputs, states, .. } = &self.recorded;
         let time_s = view.time_s.clamp(0.0, self.duration_s());
-        // Rounding errors must not assign a time at a whole number of steps to the step before.
+        // A time at a whole number of steps must not fall into the previous step because of
+        // rounding errors.
         const ROUNDING: f64 = 1e-9;
         let step = ((time_s / parameters.step_s + ROUNDING) as usize).min(inputs.len());
         let within_s = (time_s - step as f64 * parameters.step_s).max(0.0);
@@ -412,8 +415,8 @@ impl Playback {
         items
     }
 
-    /// Number of steps that the predictions look ahead; the paper's number if there are no
-    /// predictions.
+    /// Number of steps that the predictions look ahead. If there are no predictions, the paper's
+    /// number.
     #[must_use]
     pub fn steps_ahead(&self) -> usize {
         match &self.method {
@@ -467,7 +470,7 @@ fn probabilities(
 /// Number of steps ahead in the paper.
 const USUAL_STEPS: usize = 10;
 
-/// A predictor of turns has one class per direction.
+/// Maximum number of classes of a predictor of turns: one class per direction.
 const MOST_CLASSES: usize = 3;
 
 #[cfg(test)]

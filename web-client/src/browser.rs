@@ -49,8 +49,8 @@ pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
     background(async move {
         let (storage, kept) = match P::keeps() {
             true => Storage::open(&window).await,
-            // Do not open the browser's database, because that takes longer than everything else
-            // that a page waits for.
+            // A page that stores nothing does not open the browser's database, because opening it
+            // is the slowest part of the start.
             false => (Storage::none(&window), Vec::new()),
         };
         let context = PageContext { kept, not_kept: storage.failure(), ..context(&window) };
@@ -121,7 +121,7 @@ fn show_crash() {
     }
 }
 
-/// Calls a method that the browser may refuse to execute. The page is not told whether it succeeds.
+/// Calls a method that the browser may refuse, and ignores the outcome.
 fn wish(object: &JsValue, method: &str) {
     let method = Reflect::get(object, &method.into()).unwrap_or_default();
     let promise = method.dyn_ref::<Function>().and_then(|method| method.call0(object).ok());
@@ -143,13 +143,12 @@ struct Shell<P: Page> {
     painter: canvas::Painter,
     /// The last picture painted.
     picture: Picture,
-    /// See [`Extra`]. Created on demand, so pages without solids and panes contain none of its
-    /// code.
+    /// See [`Extra`]. Created on demand, so that pages that never use it do not contain its code.
     extra: Option<Box<dyn Any>>,
     /// The document's title.
     title: String,
     frame_requested: bool,
-    /// Whether a frame is in progress. At its end the picture is painted.
+    /// Whether an animation frame is being handled. The picture is painted at the end of the frame.
     in_frame: bool,
     on_frame: Option<Closure<dyn FnMut(f64)>>,
     /// When the page's next tick is due on the page's clock, and the browser's timer for it.
@@ -159,9 +158,9 @@ struct Shell<P: Page> {
     listeners: Vec<listen::Listener>,
     /// Codes of the keys that are down.
     down: Vec<String>,
-    /// Whether the last input was by pointer and not by key.
+    /// Whether the last input came from the pointer rather than from a key.
     has_pointed: bool,
-    /// While present, makes the browser ask users for confirmation before they leave.
+    /// While this is `Some`, the browser asks users for confirmation before they leave.
     guard: Option<listen::Listener>,
     claims: Vec<tabs::Claim>,
     underway: Vec<Underway>,
@@ -212,7 +211,7 @@ impl<P: Page> Shell<P> {
         }
     }
 
-    /// Paints the page's picture as of this time on the page's clock.
+    /// Paints the page's picture for the time `at_ms` on the page's clock.
     fn paint(&mut self, at_ms: f64) {
         if self.page.draw(at_ms, &mut self.picture) {
             self.painter.paint(&self.window, &self.picture);
@@ -264,7 +263,7 @@ fn extra(place: &mut Option<Box<dyn Any>>) -> Option<&mut Extra> {
     place.get_or_insert_with(|| Box::new(Extra::default())).downcast_mut()
 }
 
-/// Messages in order of arrival. Each has the time of its cause on the page's clock.
+/// Messages in order of arrival, each with the time of its cause (ms on the page's clock).
 type Queue<M> = RefCell<VecDeque<(M, f64)>>;
 
 /// Processes messages one at a time, in order of arrival.
@@ -330,8 +329,8 @@ impl<P: Page + 'static> Pump<P> {
         self.request_frame();
     }
 
-    /// Draws the page's solid. Notifies the page when the browser cannot draw it, or can draw it
-    /// again.
+    /// Draws the page's solid. Notifies the page when the browser loses or regains the ability to
+    /// draw it.
     fn show_solid(&self) {
         let mut shell = self.shell.borrow_mut();
         let Some(solid) = shell.page.solid() else { return };
@@ -390,7 +389,8 @@ impl<P: Page + 'static> Pump<P> {
             let mut shell = self.shell.borrow_mut();
             (shell.frame_requested, shell.in_frame) = (false, true);
             let now_ms = shell.clock.now_ms();
-            // An accelerated clock has advanced far since the frame began.
+            // An accelerated clock has advanced too far since the frame began, so paint for the
+            // current time.
             let is_hurried = shell.clock.is_hurried();
             (now_ms, if is_hurried { now_ms } else { shell.clock.of(stamp) })
         };
@@ -404,7 +404,7 @@ impl<P: Page + 'static> Pump<P> {
         self.request_frame();
     }
 
-    /// Lets the page compute what is due at this time.
+    /// Lets the page do the work that is due at `now_ms`.
     fn tick(&self, now_ms: f64) {
         let message = self.shell.borrow_mut().page.tick(now_ms);
         match message {
@@ -446,7 +446,8 @@ impl<P: Page + 'static> Pump<P> {
             shell.clock.now_ms()
         };
         self.tick(now_ms);
-        // An accelerated clock has more steps than frames, but the simulator must see every step.
+        // With an accelerated clock, there are more steps than frames, but the simulator must see
+        // every step.
         let mut shell = self.shell.borrow_mut();
         if shell.clock.is_hurried() {
             shell.paint(now_ms);

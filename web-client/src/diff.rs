@@ -14,7 +14,7 @@ pub struct Patch<'a, M> {
     pub children: Vec<Edit<'a, M>>,
 }
 
-/// A change to an element's children. Indices refer to the children at the time of the edit.
+/// A change to an element's children. Indices refer to the children after all previous edits.
 pub enum Edit<'a, M> {
     /// Removes the child at this index.
     Remove(usize),
@@ -79,7 +79,7 @@ fn node<'a, M>(old: &Node<M>, new: &'a Node<M>) -> Patch<'a, M> {
     Patch { attributes, children: children(&old.children, &new.children) }
 }
 
-/// For each new child, the index of the old child that it continues, if any.
+/// For each new child, the index of the matching old child, if any.
 fn matched<M>(old: &[Child<M>], new: &[Child<M>]) -> Vec<Option<usize>> {
     let mut free = vec![true; old.len()];
     let mut expected = 0;
@@ -259,7 +259,7 @@ mod tests {
                     0 => Child::Text(key),
                     1 => Child::Node(el("p").text(key)),
                     2 => Child::Moment(rng.below(3) as i64),
-                    // Duplicate keys are a bug of the page, but must do no harm.
+                    // Duplicate keys are a bug in a page, but must not break the document.
                     _ => Child::Node(el("li").key(&key).attr("title", &key).child(el("b"))),
                 });
             }

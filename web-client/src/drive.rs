@@ -1,4 +1,4 @@
-//! A scene in progress: its steps follow the clock, and the motion between them is smooth.
+//! A scene in progress. Its steps follow the clock, and the motion between steps is smooth.
 
 use crate::input::{HeldKeys, KeyMap, input_at};
 use crate::runtime::Event;
@@ -8,19 +8,19 @@ use sidestep::scene::{JointState, Scene, SceneParameters};
 use sidestep::trial::{PageEvent, PageEventKind};
 use sidestep::vehicle::TurnInput;
 
-/// A scene between its start and its end.
+/// A scene in progress.
 ///
-/// Steps follow the clock and never the number of frames. Step i is due i · `step_s` after the
-/// start, and its input follows from the keys at that time, by the time stamps of the key events.
-/// So a late call changes when a step is computed, but not its result. A key press just before a
-/// step may be reported just after the step; it still counts.
+/// Steps follow the clock, never the number of frames. Step i is due i · `step_s` after the start.
+/// Its input depends on the keys that are down at that time, according to the time stamps of the
+/// key events. So a late call delays the computation of a step, but does not change its result. A
+/// key press just before a step counts even if it is reported just after the step.
 #[derive(Clone, Debug)]
 pub struct Drive {
     parameters: SceneParameters,
     keys: KeyMap,
-    /// Start on the page's clock (ms).
+    /// Start time on the page's clock (ms).
     start_ms: f64,
-    /// Start by the participant's clock (ms since 1970).
+    /// Start time on the participant's clock (ms since 1970).
     started_at_ms: f64,
     inputs: Vec<TurnInput>,
     states: Vec<JointState>,
@@ -30,7 +30,7 @@ pub struct Drive {
     frames: FrameTimes,
 }
 
-/// Frame intervals, and durations of the work in frames (ms).
+/// Intervals between frames, and the time spent on the work of each frame (ms).
 #[derive(Clone, Debug, Default)]
 struct FrameTimes {
     last_ms: Option<f64>,
@@ -38,15 +38,15 @@ struct FrameTimes {
     work_ms: Vec<f64>,
 }
 
-/// A frame interval counts as a dropped frame if it is this many times the median.
+/// A frame interval counts as a dropped frame if it is longer than this multiple of the median.
 const DROPPED: f64 = 1.5;
 
 /// A scene allocates nothing after its start if the frame rate is at most this (Hz).
 const USUAL_RATE_HZ: f64 = 250.0;
 
 impl Drive {
-    /// Creates a scene that starts at `start_ms` on the page's clock; that is `started_at_ms` since
-    /// 1970. `held` has the keys that are already down.
+    /// Creates a scene that starts at `start_ms` on the page's clock. `started_at_ms` is the same
+    /// instant in milliseconds since 1970. `held` contains the keys that are already down.
     #[must_use]
     pub fn new(
         parameters: SceneParameters,
@@ -80,7 +80,7 @@ impl Drive {
 
     /// Records a key event at `t_ms` on the page's clock.
     pub fn key(&mut self, t_ms: f64, code: &str, down: bool) {
-        // Events are delivered in order. This guards against a clock that goes back.
+        // Events arrive in order. The maximum only guards against a clock that goes back.
         let last = self.key_events.last().map_or(f64::NEG_INFINITY, |event| event.t_ms);
         if self.key_events.len() < MAX_KEY_EVENTS {
             let t_ms = (t_ms - self.start_ms).max(last);
@@ -158,7 +158,7 @@ impl Drive {
     }
 
     /// Poses of both vehicles at `at_ms`, on the arc of the step at that time. If that step is not
-    /// computed yet, they are at the end of the last computed arc.
+    /// computed yet, returns the end of the last computed arc.
     #[must_use]
     pub fn state_at(&self, at_ms: f64) -> JointState {
         let step = self.step_at(at_ms).min(self.inputs.len().saturating_sub(1));
@@ -180,12 +180,13 @@ impl Drive {
     /// The index of the step at `at_ms`, from 0. Equals the number of steps when the scene is over.
     #[must_use]
     pub fn step_at(&self, at_ms: f64) -> usize {
-        // The tolerance assigns the start of a step to that step despite rounding errors.
+        // With this tolerance, rounding errors cannot assign the start of a step to the step before
+        // it.
         let step = (at_ms - self.start_ms) / self.step_ms() + 1e-9;
         (step.max(0.0) as usize).min(self.parameters.steps)
     }
 
-    /// Records a frame shown at `at_ms` on the page's clock, and the duration of its work.
+    /// Records a frame shown at `at_ms` on the page's clock, and the time spent on its work.
     pub fn frame_shown(&mut self, at_ms: f64, work_ms: f64) {
         if let Some(last) = self.frames.last_ms.replace(at_ms) {
             self.frames.gaps_ms.push(at_ms - last);
@@ -305,8 +306,8 @@ mod tests {
             flags(&parameters, &scene(), &trial.inputs, &trial.states, &trial.sampled_at_ms),
             []
         );
-        // Left from 2.05 s (step 11 is the next to start), right from 4.21 s to 5.0 s, left to 6.0
-        // s.
+        // The input is left from 2.05 s (effective at step 11), right from 4.21 s to 5.0 s, and
+        // left again until 6.0 s.
         let signs: Vec<i8> = trial.inputs.iter().map(|input| input.sign()).collect();
         let expected: Vec<i8> = (0..50)
             .map(|step| match step {

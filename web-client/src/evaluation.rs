@@ -31,12 +31,12 @@ use tuning::{Found, Tuning};
 /// Messages to an evaluator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// The participant's tasks, [`Drives`] as JSON.
+    /// The participant's tasks: [`Drives`] as JSON.
     Drives,
     /// The bytes of the value function V_HR.
     Human,
-    /// The bytes of the value function V_RH, sent after V_HR. Without them, V_HR serves both
-    /// vehicles.
+    /// The bytes of the value function V_RH, sent after V_HR. If it is not sent, V_HR is used for
+    /// both vehicles.
     Robot,
     /// A predictor, in the format of a predictor.json.
     Predictor,
@@ -70,7 +70,7 @@ impl Part {
 /// A request to train a predictor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Training {
-    /// The number that the report of the training gets.
+    /// Number of this request. Its report repeats the number.
     pub number: u32,
     /// Names of features.
     pub features: Vec<String>,
@@ -91,7 +91,7 @@ pub struct Report {
     /// The trained predictor.
     #[serde(default)]
     pub predictor: Option<PredictorFile>,
-    /// If the predictor has only the frequencies of the inputs, the reason for that.
+    /// The reason why the predictor uses only the frequencies of the inputs, if it does.
     #[serde(default)]
     pub fallback: Option<String>,
     /// Counts so far.
@@ -114,7 +114,8 @@ pub struct Evaluation {
     tasks: Option<Tasks>,
     safety: Option<SafetyLevels>,
     predictor: Option<Predictor>,
-    /// Cache for the tasks' windows under this predictor, and for the simpler predictions.
+    /// Caches of the tasks' windows under this predictor (`memory`) and of the results for the
+    /// baselines (`known`).
     memory: Memory,
     known: Known,
     work: Option<Work>,
@@ -130,7 +131,7 @@ enum Work {
 }
 
 impl Work {
-    /// The number in the reports of this work.
+    /// The number that the reports of this work repeat.
     fn number(&self) -> u32 {
         match self {
             Self::Counting(it) => it.number,
@@ -223,7 +224,7 @@ impl Evaluation {
         })
     }
 
-    /// The next report, as JSON, if there is news since the last one.
+    /// Returns the next report as JSON if there are new results since the last report.
     pub fn report(&mut self) -> Option<String> {
         let report = self.report.take().or_else(|| match &mut self.work {
             Some(Work::Counting(it)) => it.report(),
@@ -278,7 +279,7 @@ impl Evaluation {
     }
 }
 
-/// The tasks, and the human as the predictor predicts them.
+/// Returns the tasks and the human as described by the predictor.
 fn known<'a>(
     tasks: &'a Option<Tasks>,
     predictor: &'a Option<Predictor>,
@@ -292,7 +293,7 @@ fn known<'a>(
     }
 }
 
-/// The error if the page has sent too little, which is a bug of this program.
+/// The error for missing data from the page, which is a bug of this program.
 fn unknown() -> Invalid {
     Invalid::new("evaluator", "tasks, safety levels and a predictor", "less")
 }

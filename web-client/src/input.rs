@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use sidestep::api::KeyEvent;
 use sidestep::vehicle::TurnInput;
 
-/// The event name that records the loss of the keyboard, when all keys count as released.
+/// Name of the event that records the loss of keyboard focus. All keys count as released after it.
 pub const BLUR: &str = "blur";
 
 /// The steering keys, by their codes (`KeyboardEvent.code`). Codes are the same on every keyboard
@@ -33,7 +33,7 @@ impl KeyMap {
         fits.then(|| Self { left: vec![left.to_owned()], right: vec![right.to_owned()] })
     }
 
-    /// The turn that a key steers.
+    /// The turn that a key causes. Returns `None` if it is not a steering key.
     #[must_use]
     pub fn turn(&self, code: &str) -> Option<TurnInput> {
         let has = |codes: &[String]| codes.iter().any(|known| known == code);
@@ -45,8 +45,8 @@ impl KeyMap {
     }
 }
 
-/// Whether a key may be used to steer. Keys that leave the page, operate it or modify other keys
-/// may not.
+/// Whether a key may be chosen for steering. Keys that leave the page, operate it or modify other
+/// keys must not be chosen.
 #[must_use]
 pub fn can_steer(code: &str) -> bool {
     const OTHERS: [&str; 6] = ["", "Tab", "Escape", "Enter", "NumpadEnter", "Space"];
@@ -77,7 +77,7 @@ impl HeldKeys {
     }
 
     /// The input from the held keys: the turn of the key that was pressed last. When that key is
-    /// released, the other one counts again.
+    /// released, the key pressed before it counts again.
     #[must_use]
     pub fn turn(&self, keys: &KeyMap) -> TurnInput {
         self.0.last().and_then(|(_, code)| keys.turn(code)).unwrap_or(TurnInput::Straight)
@@ -95,12 +95,12 @@ impl HeldKeys {
     }
 }
 
-/// The input at time `t_ms` after these key events, which must be sorted by time.
+/// The input at time `t_ms` that results from these key events, which must be sorted by time.
 #[must_use]
 pub fn input_at(events: &[KeyEvent], t_ms: f64, keys: &KeyMap) -> TurnInput {
     let count = events.partition_point(|event| event.t_ms <= t_ms);
     let past = events.get(..count).unwrap_or_default();
-    // Search backwards for the last press of a key that has no later event of the same key.
+    // Find the last press that is not followed by another event of the same key.
     for (i, event) in past.iter().enumerate().rev() {
         if event.key == BLUR {
             break;

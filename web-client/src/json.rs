@@ -2,9 +2,9 @@
 //!
 //! Exact conversion between digits and numbers is a large part of what serde_json would add to the
 //! participant's download, because its tables do not compress. The browser already has both
-//! conversions. So the browser parses text into a tree of values (serde_json does in native tests),
-//! and serde deserializes a wire type from the tree. For output, serde serializes wire types and
-//! the browser formats the digits. Nothing is rounded in either direction. See
+//! conversions. So the browser parses text into a tree of values, and serde deserializes a wire
+//! type from the tree. (In native tests, serde_json parses the text.) For output, serde serializes
+//! wire types and the browser formats the digits. Nothing is rounded in either direction. See
 //! `docs/decisions/0006-json-in-the-client.md`.
 
 mod number;

@@ -51,8 +51,7 @@ pub enum Msg {
 pub enum UploadOutcome {
     /// The server has stored this trial.
     Stored(String),
-    /// The server already had another version of this trial. The version from this browser stays
-    /// here.
+    /// The server already had another version of this trial. This browser keeps its own version.
     StoredBefore(String),
     /// The server expects another trial first. This trial stays in the queue.
     OutOfOrder,
@@ -138,7 +137,8 @@ impl Outbox {
                     waiting.kept = Some(kept.is_ok());
                 }
             }
-            // If there is no space for a second copy, the trial stays under its first name.
+            // If there is no space for a second copy, the trial stays stored under its original
+            // name.
             Msg::SetAside(_, Err(_)) => {}
             Msg::SetAside(trial_id, Ok(())) => return (None, vec![self.forget(&trial_id)]),
             Msg::Retry => self.resume(),

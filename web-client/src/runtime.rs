@@ -21,9 +21,9 @@ pub trait Page {
     /// The type of the page's messages.
     type Msg: Clone + 'static;
 
-    /// Whether the page has several addresses. This and the following are associated functions, so
-    /// that the compiler can remove code that a page does not need. Every participant downloads the
-    /// program.
+    /// Whether the page has several addresses. This function and the following ones do not take
+    /// `self`, so that the compiler can remove code that a page does not need. This matters because
+    /// every participant downloads the program.
     #[must_use]
     fn navigates() -> bool
     where
@@ -59,8 +59,8 @@ pub trait Page {
         false
     }
 
-    /// Whether the page uses workers that compute. If not, [`Command::Solve`] and
-    /// [`Command::Evaluate`] have no effect.
+    /// Whether the page computes in workers. If not, [`Command::Solve`] and [`Command::Evaluate`]
+    /// have no effect.
     #[must_use]
     fn solves() -> bool
     where
@@ -123,8 +123,8 @@ pub trait Page {
         None
     }
 
-    /// When the next change by the clock alone is due (ms on the page's clock). [`Self::tick`] is
-    /// called then, whatever the frame rate.
+    /// The time of the next change that depends only on the clock (ms on the page's clock).
+    /// [`Self::tick`] is called at that time, whatever the frame rate.
     fn due_ms(&self) -> Option<f64> {
         None
     }
@@ -163,7 +163,7 @@ pub trait Page {
         false
     }
 
-    /// Records a frame shown at `at_ms`, and the duration of its work.
+    /// Records a frame shown at `at_ms`, and the time spent on its work.
     fn frame_shown(&mut self, _at_ms: f64, _work_ms: f64) {}
 }
 
@@ -179,8 +179,8 @@ pub enum Event {
         /// Whether the key went down.
         down: bool,
     },
-    /// The window lost the keyboard. From now on, no key counts as held, because the browser does
-    /// not report when keys are released.
+    /// The window lost the keyboard focus. From now on, no key counts as held, because the browser
+    /// no longer reports when keys are released.
     FocusLost {
         /// Whether the page is hidden, for example behind another tab.
         hidden: bool,
@@ -205,17 +205,17 @@ pub enum Event {
     /// Another tab has taken over a claim of this tab; see [`Command::TakeOver`].
     TakenOver,
     /// Another address is requested, because the user followed a link, went back or forward, or
-    /// edited the address. If the page wants the message, the document stays.
+    /// edited the address. If the page wants the message, the browser keeps the document.
     Address(Address),
 }
 
-/// A mesh of triangles on its own canvas, which is transparent around them.
+/// A mesh of triangles on its own canvas. The canvas is transparent around the mesh.
 pub struct Solid<M> {
     /// Id of the canvas element.
     pub canvas: &'static str,
     /// The triangles. A changed mesh has a new pointer.
     pub mesh: Rc<Mesh>,
-    /// Maps the mesh's coordinates to clip coordinates. In column-major order.
+    /// Matrix from the mesh's coordinates to clip coordinates, in column-major order.
     pub matrix: [f32; 16],
     /// The direction of the light, as a unit vector in the space of the normals.
     pub light: [f32; 3],
@@ -225,11 +225,11 @@ pub struct Solid<M> {
     pub ring: f32,
     /// Whether the solid is at rest. If so, it is drawn with more pixels.
     pub is_still: bool,
-    /// The message when the browser can draw the solid again (true) or cannot draw it (false),
-    /// either never or because the context is lost.
+    /// Creates the message about whether the browser can draw the solid. False means that it cannot
+    /// draw solids at all or that the graphics context is lost. True means that it can draw again.
     pub then: Rc<dyn Fn(bool) -> M>,
-    /// The message after the first drawing of a mesh, with the duration of a frame while the solid
-    /// turns (ms).
+    /// Creates the message after the first drawing of a mesh from the duration of a frame while the
+    /// solid turns (ms).
     pub drawn: Rc<dyn Fn(f64) -> M>,
 }
 
@@ -253,7 +253,7 @@ pub struct PageContext {
     pub address: Address,
     /// Records that pages of this origin have stored in this browser, by name.
     pub kept: Vec<(String, String)>,
-    /// Why this browser stores nothing.
+    /// Why this browser cannot store records, if it cannot.
     pub not_kept: Option<NotKept>,
     /// The user's languages, such as `en-GB`, in order of preference.
     pub languages: Vec<String>,
@@ -264,7 +264,7 @@ pub struct PageContext {
     pub reduced_motion: bool,
     /// Width and height of the screen and of the window, and the pixel ratio.
     pub screen: Vec<(&'static str, f64)>,
-    /// The zero of the page's clock (ms since 1970).
+    /// The origin of the page's clock (ms since 1970).
     pub time_origin_ms: f64,
     /// A random name that is unique to this visit and cannot be guessed. `None` if the browser
     /// provides no random numbers.

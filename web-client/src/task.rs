@@ -27,7 +27,7 @@ pub struct Task {
 }
 
 impl From<PursuitGame> for Task {
-    /// A task that solves the game as servers do for their studies.
+    /// A task that solves the game as a server does for its studies.
     fn from(game: PursuitGame) -> Self {
         Self { game, method: None, horizon_s: None, accuracy: None, as_archive: false }
     }

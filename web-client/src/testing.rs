@@ -1,4 +1,4 @@
-//! A page in a minimal fake browser. Its server answers when the test says so.
+//! Runs a page in a minimal fake browser. The fake server answers when the test tells it to.
 
 use crate::evaluation::Evaluation;
 use crate::runtime::{
@@ -41,7 +41,7 @@ pub(crate) struct Session<P: Page> {
     pub(crate) timers: Vec<(&'static str, f64, P::Msg)>,
     /// The solves in progress: name, task and message function.
     pub(crate) solving: Vec<(&'static str, Task, Report<P::Msg>)>,
-    /// By name, the evaluators and their message functions.
+    /// The evaluators and their message functions, by name.
     pub(crate) evaluators: BTreeMap<&'static str, (Evaluation, Evaluated<P::Msg>)>,
     /// The subscriptions to changes: name and message function.
     pub(crate) following: Vec<(&'static str, Changed<P::Msg>)>,
@@ -57,7 +57,7 @@ pub(crate) struct Session<P: Page> {
     pub(crate) fullscreen: bool,
     /// Whether the browser delays storing texts. The delayed texts are in `keeping`.
     pub(crate) keeps_slowly: bool,
-    /// The texts that are to be stored: name, text and message function.
+    /// The texts that still have to be stored: name, text and message function.
     pub(crate) keeping: Vec<(String, String, Kept<P::Msg>)>,
     picture: Picture,
     /// Names and contents of the files offered.
@@ -157,7 +157,7 @@ impl<P: Page> Session<P> {
         }
     }
 
-    /// Stores all pending texts, or refuses to.
+    /// Stores all pending texts, or refuses to store them.
     pub(crate) fn keep(&mut self) {
         for (name, text, then) in std::mem::take(&mut self.keeping) {
             let kept = self.refuses.map_or(Ok(()), Err);

@@ -44,8 +44,8 @@ impl<'a> From<&'a String> for Fill<'a> {
 /// for each plural form of the language, such as `ready.left.one` and `ready.left.other` (the
 /// [categories of Unicode](https://cldr.unicode.org/index/cldr-spec/plural-rules)).
 pub trait Sentences {
-    /// The sentence with this key, with its placeholders filled. The key itself if there is no such
-    /// sentence.
+    /// The sentence with this key, with its placeholders filled. Returns the key itself if there is
+    /// no such sentence.
     #[must_use]
     fn get(&self, key: &str, fills: &[(&str, Fill<'_>)]) -> String;
 

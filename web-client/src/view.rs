@@ -13,8 +13,9 @@ pub const HTML: &str = "innerHTML";
 /// listens to the wheel.
 pub const POINTS: &str = "data-points";
 
-/// An element. `M` is the page's message type. An element is a pointer to its content, because
-/// building a page moves elements: moving a pointer needs less code and so a smaller download.
+/// An element. `M` is the page's message type. An element is only a pointer to its content.
+/// Building a page moves elements, and moving a pointer needs less code, so the download is
+/// smaller.
 #[derive(Clone)]
 pub struct Node<M>(Box<Inside<M>>);
 
@@ -41,7 +42,7 @@ pub struct Inside<M> {
     pub attributes: Vec<(&'static str, String)>,
     /// Children, in order.
     pub children: Vec<Child<M>>,
-    /// What sends a message when the element is used.
+    /// Creates the message when the element is used.
     pub handler: Option<Handler<M>>,
     /// Identifies the element among its siblings; see [`Node::key`].
     key: Option<String>,
@@ -198,8 +199,9 @@ impl<M> Node<M> {
         self.holding(Child::Moment(ms))
     }
 
-    /// Sets HTML as the only content: a researcher's text, from which the server has removed all
-    /// elements that could run code, or a drawing of the library, whose text is escaped.
+    /// Sets HTML as the only content. The HTML is either a researcher's text, from which the server
+    /// has removed all elements that could run code, or a drawing of the library, whose text is
+    /// escaped.
     #[must_use]
     pub fn html(self, html: impl Into<String>) -> Self {
         self.attr(HTML, html.into())
@@ -330,8 +332,8 @@ impl<M: Clone> Node<M> {
     }
 }
 
-/// The innermost handler that satisfies `hears` along `path`, a list of indices that starts among
-/// `children`. Also returns how many steps of the path lead to the handler.
+/// Follows `path`, a list of child indices that starts in `children`, and finds the innermost
+/// handler that satisfies `hears`. Also returns how many steps of the path lead to the handler.
 #[must_use]
 pub fn handler_along<'a, M>(
     children: &'a [Child<M>],
@@ -356,8 +358,8 @@ pub fn subscripted<M>(tag: &'static str, letter: &str, below: &str) -> Node<M> {
     el(tag).text(letter).child(el("sub").text(below))
 }
 
-/// A text in which `V_HR` becomes V with the subscript HR, and `F_1` becomes F with the subscript
-/// 1.
+/// A text in which `V_HR` becomes V with the subscript HR, and `F_1` becomes F with the
+/// subscript 1.
 pub fn with_subscripts<M>(tag: &'static str, words: &str) -> Node<M> {
     let mut parts = words.split('_');
     let mut node = el(tag).text(parts.next().unwrap_or_default());

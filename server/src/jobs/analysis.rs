@@ -1,4 +1,4 @@
-//! An analysis, from a recording to its numbers. Used by the command and the server.
+//! Computes an analysis from a recording, for the command and for the server.
 
 pub mod limits;
 pub mod process;
@@ -22,7 +22,7 @@ pub struct AnalysisTask<C> {
     pub given: Option<GivenFeatures>,
     /// The safety levels of the recording's vehicles.
     pub safety: SafetyLevels,
-    /// The sets, grids and options.
+    /// The feature sets, grids and options.
     pub request: Request,
     /// Stores fits, so that later analyses can reuse them.
     pub cache: Arc<C>,
@@ -85,7 +85,7 @@ pub fn compute(
 ) -> Result<Analysis, TaskError> {
     let settings = request.settings().map_err(TaskError::Request)?;
     if request.synthetic {
-        // Evidence in the data is stronger than the experimenter's statement, and is kept.
+        // Evidence in the data is stronger than the experimenter's statement, so keep the evidence.
         recording.provenance.is_mixed = false;
         let known = recording.provenance.synthetic.take();
         recording.provenance.synthetic = Some(match known {

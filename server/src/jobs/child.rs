@@ -1,8 +1,8 @@
-//! Long work in a child process, from the side of the child.
+//! The child's side of long work in a child process.
 //!
-//! The child has a low priority and a memory limit. It reads its task from stdin and writes its
-//! results to stdout. It has no key, and gets the database's address only for a check. It ends when
-//! stdin closes, which means that the server has ended for any reason.
+//! The child has a low priority and a memory limit. It reads its task from stdin and writes its results
+//! to stdout. It has no key. It receives the database's address only for a check. The child exits when
+//! stdin closes, because the server has then ended.
 
 mod analysis;
 mod check;
@@ -53,7 +53,7 @@ pub fn run(memory_mib: u64, threads: usize, nice: i32) -> io::Result<()> {
 fn restrain(memory_mib: u64, nice: i32) -> io::Result<()> {
     // If this is not permitted, continue with normal priority.
     let _ = setpriority_process(None, nice);
-    // When memory runs out, the system should kill this process first.
+    // If the system runs out of memory, it should kill this process first.
     let _ = std::fs::write("/proc/self/oom_score_adj", "1000");
     // Limit data rather than address space. Threads reserve far more address space than they use.
     let most = Some(memory_mib.saturating_mul(1 << 20));
@@ -61,7 +61,7 @@ fn restrain(memory_mib: u64, nice: i32) -> io::Result<()> {
     Ok(())
 }
 
-/// Passes further messages from the server to `hear`, and ends the process when the server has ended.
+/// Calls `hear` with each further message from the server. Exits when the server has ended.
 fn end_with_stdin(mut hear: impl FnMut(ToChild, Vec<u8>) + Send + 'static) {
     std::thread::spawn(move || {
         let mut orders = io::stdin().lock();

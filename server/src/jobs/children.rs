@@ -1,4 +1,4 @@
-//! Long work in a child process, from the side of the server.
+//! The server's side of long work in a child process.
 
 use super::frames::{self, FromChild, ToChild};
 use anyhow::Context;
@@ -31,7 +31,7 @@ pub struct Children {
     pub memory_mib: u64,
     /// Number of threads per process.
     pub threads: usize,
-    /// The nice value of the processes. It is [`LOWEST_PRIORITY`] unless no data are being collected.
+    /// The nice value of the processes. It is [`LOWEST_PRIORITY`] while data are being collected.
     pub nice: i32,
 }
 
@@ -57,7 +57,8 @@ impl Children {
         #[cfg(unix)]
         command
             .arg0("sidestep")
-            // Ctrl-C then reaches only the server, which ends the child.
+            // The child gets its own process group, so Ctrl-C reaches only the server. The server ends
+            // the child.
             .process_group(0);
         let mut process = command.spawn().context("starting a child process")?;
         let stdin = process.stdin.take().context("the child's stdin")?;
@@ -82,7 +83,7 @@ impl Children {
 async fn complaint(mut stderr: impl AsyncRead + Unpin) -> String {
     let mut said = Vec::new();
     let mut beginning = (&mut stderr).take(LONGEST_COMPLAINT);
-    // If reading fails, the rest of the text is missing.
+    // If reading fails, return the text that was read before.
     let _ = beginning.read_to_end(&mut said).await;
     let _ = tokio::io::copy(&mut stderr, &mut tokio::io::sink()).await;
     String::from_utf8_lossy(&said).trim_end().to_owned()
@@ -103,7 +104,8 @@ pub struct Running {
 pub enum Ended {
     /// The child failed. The sentence explains the reason to an experimenter.
     Failed(String),
-    /// The child received a signal to terminate, which the system sends to every process at a shutdown.
+    /// The child received a termination signal. At a shutdown, the system sends such a signal to every
+    /// process.
     Asked,
 }
 
@@ -124,7 +126,7 @@ impl Running {
         frames::receive(&mut self.stdout).await
     }
 
-    /// Waits until a child that sends no more messages exits, and returns the reason for its end.
+    /// Waits until the child exits after its last message, and returns why it ended.
     pub async fn ended(mut self) -> Ended {
         let status = tokio::time::timeout(ENDING, self.process.wait()).await;
         let Ok(Ok(status)) = status else {
@@ -150,7 +152,7 @@ fn why(status: ExitStatus, complaint: &str, memory_mib: u64) -> Ended {
     const ASKING: [i32; 3] = [1, 2, 15];
     Ended::Failed(match signal {
         Some(signal) if ASKING.contains(&signal) => return Ended::Asked,
-        // This is Rust's message if there is no memory for an allocation or the stack of a thread.
+        // Rust prints this message if it cannot allocate memory, for example for a thread's stack.
         _ if complaint.contains("memory allocation of") => format!(
             "it needs more memory than the {memory_mib} MiB that the server allows; {LESS}, or start the \
              server with a larger --analysis-memory"

@@ -23,7 +23,7 @@ impl FolderCache {
     /// A cache in `folder`. If the folder does not exist, it is created and only this user can access it.
     ///
     /// # Errors
-    /// The error of the disk.
+    /// If the folder cannot be created.
     pub fn open(folder: &Path) -> io::Result<Self> {
         private::make_folder(folder)?;
         Ok(Self { folder: folder.to_owned(), used: Mutex::default() })
@@ -34,14 +34,14 @@ impl FolderCache {
     }
 
     fn note(&self, key: &str) {
-        // The set stays valid if a thread panics.
+        // A panic of another thread leaves the set valid.
         self.used.lock().unwrap_or_else(|broken| broken.into_inner()).insert(key.to_owned());
     }
 
     /// Deletes the files that were neither read nor written since the cache was opened.
     ///
     /// # Errors
-    /// The error of the disk.
+    /// If the folder cannot be read or a file cannot be deleted.
     pub fn forget_unused(&self) -> io::Result<()> {
         let used = self.used.lock().unwrap_or_else(|broken| broken.into_inner());
         for entry in fs::read_dir(&self.folder)? {
@@ -77,7 +77,7 @@ impl Cache for FolderCache {
             write!(out, "{cells}\n{}", sha256(key, &cells))
         });
         if let Err(error) = written {
-            // An uncached fit only costs time.
+            // Without the cached file, the cells are only computed again.
             tracing::warn!("the cache cannot be written: {error}");
         }
     }

@@ -1,7 +1,8 @@
 //! Messages between the server and its child process, over the child's stdin and stdout.
 //!
-//! A message is JSON, with a binary attachment for data that JSON would inflate. The message is preceded by
-//! the lengths of both, as two little-endian 32-bit integers. Both ends are the same program.
+//! A frame begins with the lengths of its message and of its attachment, as two little-endian 32-bit
+//! integers. The message is JSON. The attachment is binary, for data that JSON would inflate. Both ends
+//! are the same program.
 
 use super::model_index::{IndexedModel, IndexedTask};
 use crate::database_check::Report;
@@ -184,7 +185,7 @@ pub fn participant(
     Ok(RecordedParticipant { name, line: None, trials, marked_synthetic })
 }
 
-/// A message with the two lengths, without its attachment.
+/// Encodes the two lengths and the message, without the attachment.
 fn encoded(message: &impl Serialize, beside: &[u8]) -> io::Result<Vec<u8>> {
     let json = serde_json::to_vec(message)?;
     let mut out = Vec::with_capacity(8 + json.len());

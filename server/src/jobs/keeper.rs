@@ -76,8 +76,8 @@ impl Keeper {
 }
 
 impl Keeping {
-    /// The time until the first check or backup. The interval after the newest backup is also kept
-    /// across restarts of the server.
+    /// The time until the first check or backup. A restart of the server does not shorten the interval
+    /// after the newest backup.
     fn first_pause(&self, every: Duration, newest: Option<&Backup>) -> Duration {
         if self.backups.is_none() {
             return self.first;
@@ -161,7 +161,7 @@ impl Keeping {
         let mut child = children.start().map_err(|error| format!("{error:#}"))?;
         let folder = std::env::current_dir().map_err(|error| error.to_string())?;
         let task = ToChild::Check { folder, database: self.database.clone(), backup };
-        // An error means that the child has ended, and the next read shows this.
+        // An error means that the child has ended. The next read then fails, too.
         let _ = child.tell(&task, &[]).await;
         match child.hear().await {
             Ok((FromChild::Checked { report, bytes }, _)) => Ok((*report, bytes)),

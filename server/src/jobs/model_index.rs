@@ -87,8 +87,8 @@ pub fn models(analysis: &Analysis) -> impl Iterator<Item = IndexedModel> {
     })
 }
 
-/// The tasks that trained and tested the models of an analysis, participant by participant. `ids`
-/// has the ids of the trials in its recording.
+/// The tasks that trained and tested the models of an analysis, participant by participant. `ids` has
+/// the ids of the trials in the analysis's recording.
 pub fn tasks(analysis: &Analysis, ids: &TrialIds) -> impl Iterator<Item = IndexedTask> {
     analysis.comparison.participants.iter().flat_map(|person| {
         let training = person.training_trials.iter().map(|number| (number, true));

@@ -18,8 +18,8 @@ use tokio::sync::Notify;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-/// Stores the value functions of a configuration with a closed form, before the first request. The
-/// [`Solver`] computes all others.
+/// Stores the value functions of a configuration that has a closed-form solution. Call this before the
+/// first request. The [`Solver`] computes all other value functions.
 ///
 /// # Errors
 /// If the database cannot be written.
@@ -89,8 +89,8 @@ pub struct Solver {
 }
 
 impl Solver {
-    /// Starts the solver. If a solve fails, this is logged, and browsers that need the function
-    /// solve it themselves.
+    /// Starts the solver. It logs a failed solve. Browsers that need the value function then solve for
+    /// it themselves.
     #[must_use]
     pub fn start(store: Store, study_stored: Arc<Notify>, children: Children) -> Self {
         let cancel = CancellationToken::new();
@@ -147,7 +147,7 @@ async fn solve_and_keep(
     children: &Children,
 ) -> anyhow::Result<Result<(), Ended>> {
     let mut child = children.start()?;
-    // An error means that the child has ended, and the next read shows this.
+    // An error means that the child has ended. The next read then fails, too.
     let _ = child.tell(&ToChild::Solve(config.parameters), &[]).await;
     let (human, complaints, bytes) = match child.hear().await {
         Ok((FromChild::Solved { human, complaints }, bytes)) => (human, complaints, bytes),
@@ -168,7 +168,8 @@ async fn solve_and_keep(
     Ok(Ok(()))
 }
 
-/// The value functions of a study's configuration. They are read from the store, or solved now and stored.
+/// Returns the value functions of a study's configuration from the store. If they are missing, they are
+/// solved and stored.
 ///
 /// # Errors
 /// The outer error if the database fails or the process cannot be started. The inner error if the

@@ -12,7 +12,7 @@ pub fn pack(numbers: impl IntoIterator<Item = f64>) -> Vec<u8> {
     bytes
 }
 
-/// The numbers that [`pack`] wrote. Ignores fewer than eight bytes at the end.
+/// The numbers that [`pack`] wrote. Ignores an incomplete number at the end.
 #[must_use]
 pub fn unpack(bytes: &[u8]) -> Vec<f64> {
     let (chunks, _) = bytes.as_chunks::<8>();

@@ -49,7 +49,7 @@ impl Unfinished {
             match File::open(folder.path()).and_then(|open| claim(open, folder.path())) {
                 Ok(Some(lock)) => return Ok(Self { folder, _lock: lock }),
                 Ok(None) => {}
-                // Another process considered the folder as left behind before it was locked, and
+                // Before this process locked the folder, another process took it for a leftover and
                 // deleted it.
                 Err(error) if error.kind() == io::ErrorKind::NotFound => {}
                 Err(error) => return Err(error),
@@ -62,13 +62,13 @@ impl Unfinished {
     }
 }
 
-/// Locks a file or folder that was just created, so that no process considers it as left behind.
-/// Returns `None` if another process deleted it first.
+/// Locks a file or folder that was just created, so that no process takes it for a leftover. Returns
+/// `None` if another process deleted it first.
 pub(crate) fn claim(open: File, path: &Path) -> io::Result<Option<File>> {
     if let Err(TryLockError::WouldBlock) = open.try_lock() {
         return Ok(None);
     }
-    // On a disk without locks, no process deletes it.
+    // On a file system without locks, no process deletes it.
     let own = open.metadata()?;
     let is_there = |found: Metadata| (found.dev(), found.ino()) == (own.dev(), own.ino());
     Ok(path.symlink_metadata().is_ok_and(is_there).then_some(open))

@@ -20,8 +20,8 @@ pub fn seed() -> anyhow::Result<u64> {
     random().map(u64::from_le_bytes)
 }
 
-/// A completion code that participants can copy by hand. It has ten characters out of 32, without
-/// characters that look alike.
+/// A completion code that participants can copy by hand. It has ten characters from an alphabet of 32,
+/// without characters that look alike.
 ///
 /// # Errors
 /// If the system provides no random numbers.

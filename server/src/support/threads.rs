@@ -16,8 +16,8 @@ pub enum ThreadError {
 /// Runs `work` on a thread called `name` and waits for its result. Parallel loops in `work` use
 /// `threads` threads, or one per processor if `threads` is `None`.
 ///
-/// This is not a blocking task of the runtime. A runtime waits for its blocking tasks when it shuts
-/// down, and abandoned work must not keep a command from ending.
+/// This is not a blocking task of the runtime, because a runtime waits for its blocking tasks when it
+/// shuts down. A command must be able to end while abandoned work is still running.
 ///
 /// # Errors
 /// [`ThreadError`] if no thread can be started, or `work` panicked.
@@ -53,7 +53,8 @@ pub async fn run_in_spare_time<T: Send + 'static>(
     .await
 }
 
-/// A nice value that gives about a tenth of another thread's share if both threads need the processor.
+/// A nice value. A thread with this value gets about a tenth of a normal thread's processor time if
+/// both threads need the processor.
 #[cfg(target_os = "linux")]
 const LOW_PRIORITY: i32 = 10;
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 /// A configuration that trusts certificates signed by these authorities.
 ///
 /// # Errors
-/// No cause is known, because this build has the protocol versions that it requests.
+/// If the protocol versions are not supported. This build supports them, so no error is expected.
 pub fn config(roots: RootCertStore) -> Result<ClientConfig, rustls::Error> {
     let provider = Arc::new(rustls::crypto::ring::default_provider());
     let config = ClientConfig::builder_with_provider(provider);

@@ -3,7 +3,7 @@
 use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
 
-/// Access level of an experimenter's key; each level includes those before it.
+/// Access level of an experimenter's key. Each level includes all lower levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
@@ -35,7 +35,7 @@ impl Access {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Session {
-    /// Always true, because without a session the server responds with 401.
+    /// Always true. Without a session, the server responds with status 401 instead.
     pub signed_in: bool,
     /// The name of the key that signed in.
     pub name: String,
@@ -51,8 +51,8 @@ const MAX_KEY_NAME_CHARS: usize = 64;
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct NewKey {
-    /// Name of the user of the key, such as `Ada` or `nightly export`. It has 1 to 64 characters
-    /// and is unique among keys.
+    /// Name of the person or program that uses the key, such as `Ada` or `nightly export`. It has 1
+    /// to 64 characters and is unique among keys.
     #[cfg_attr(feature = "openapi", schemars(length(min = 1, max = 64)))]
     pub name: String,
     /// Access level.
@@ -87,7 +87,7 @@ impl NewKey {
 pub struct KeySummary {
     /// Id in URLs.
     pub id: i64,
-    /// Name of the user of the key.
+    /// Name of the person or program that uses the key.
     pub name: String,
     /// Access level.
     pub access: Access,
@@ -227,7 +227,7 @@ pub struct AuditEntry {
 pub struct AuditPage {
     /// The entries of this page.
     pub entries: Vec<AuditEntry>,
-    /// Pass as `before` for the next page; absent on the last page.
+    /// The value of `before` in the request for the next page. Absent on the last page.
     pub next_before: Option<i64>,
 }
 

@@ -79,16 +79,17 @@ pub struct AnalysisResult {
     pub participants: usize,
     /// Excluded participants, with reasons.
     pub excluded: Vec<ExcludedParticipant>,
-    /// Number of compared trials with each flag that casts doubt on a trial, by the flag's word.
+    /// For each flag that casts doubt on a trial, the number of compared trials with this flag. The
+    /// keys are the words of the flags.
     pub flagged: BTreeMap<String, usize>,
     /// Compared participants whose trials are identical to the trials of another participant.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub same_trials: Vec<String>,
-    /// The quality of both safety levels over the compared steps; absent in analyses of an earlier
+    /// The quality of both safety levels over the compared steps. Absent in analyses of an earlier
     /// version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safety: Option<SafetyQuality>,
-    /// Number of rows of cells.csv. Rows of the better SVM repeat other rows.
+    /// Number of rows of cells.csv. The rows for the better of two SVMs repeat rows of that SVM.
     pub cells: usize,
     /// Number of models that were trained and tested. Absent in analyses of an earlier version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -101,14 +102,14 @@ pub struct AnalysisResult {
     /// an earlier version.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub study_versions: Vec<u32>,
-    /// SHA-256 of the trials that were compared; absent in analyses of an earlier version.
+    /// SHA-256 of the trials that were compared. Absent in analyses of an earlier version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub data_sha256: Option<String>,
     /// Mean test accuracies, as in the report's first table. Empty in lists of analyses and in
     /// analyses of an earlier version.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub accuracies: Vec<MeanAccuracy>,
-    /// How the data are known to be synthetic; null if they are not.
+    /// Explanation of how the data are known to be synthetic. Null if they are not.
     pub synthetic: Option<String>,
 }
 
@@ -118,7 +119,7 @@ pub struct AnalysisResult {
 pub struct MeanAccuracy {
     /// The model: `svm`, `dt` or `lr`.
     pub model: String,
-    /// 1: right, straight or left; 2: turn or no turn.
+    /// The classes: 1 means right, straight or left; 2 means turn or no turn.
     pub experiment: u8,
     /// The name of the feature set.
     pub features: String,
@@ -154,7 +155,7 @@ pub struct AnalysisSummary {
     pub request: Request,
     /// Its state.
     pub state: AnalysisState,
-    /// Its progress; absent unless it is running.
+    /// Its progress. Absent unless it is running.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub progress: Option<AnalysisProgress>,
     /// When the analysis was requested (ms since 1970).
@@ -183,7 +184,7 @@ pub struct AnalysisSummary {
 pub struct AnalysisPage {
     /// The analyses of this page.
     pub analyses: Vec<AnalysisSummary>,
-    /// Pass as `before` for the next page; absent on the last page.
+    /// The value of `before` in the request for the next page. Absent on the last page.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub next_before: Option<i64>,
 }

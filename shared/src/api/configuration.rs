@@ -34,8 +34,8 @@ pub struct ConfigurationVersion {
     pub label: String,
     /// When the study began to use it for new participants (ms since 1970).
     pub since_ms: i64,
-    /// Number of people who enrolled under it, without pilots. If the study used this configuration
-    /// again later, they count in its last version.
+    /// Number of people who enrolled under it, without pilots. If several versions have this
+    /// configuration, its people are counted in the last of these versions only.
     pub participants: u64,
     /// The configuration as a study file (TOML).
     pub toml: String,
@@ -52,7 +52,7 @@ pub struct Draft {
     /// The text (TOML).
     pub toml: String,
     /// The hash of the configuration that was edited. Absent for a new study. If the study's
-    /// configuration has changed since then, the draft is not stored.
+    /// configuration has changed in the meantime, the draft is not stored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<String>,
 }
@@ -90,10 +90,10 @@ pub struct Remark {
 pub struct Change {
     /// Its path, such as `trials.countdown_s`.
     pub field: String,
-    /// Its value as JSON in the current configuration; absent if it has none.
+    /// The field's value in the current configuration, as JSON. Absent if it has no value there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub before: Option<String>,
-    /// Its value as JSON in the draft; absent if it has none.
+    /// The field's value in the draft, as JSON. Absent if it has no value there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub after: Option<String>,
 }
@@ -102,7 +102,7 @@ pub struct Change {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct DraftChecked {
-    /// The error in the draft; absent if it is valid.
+    /// The error in the draft. Absent if it is valid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub complaint: Option<Remark>,
     /// Warnings for the experimenter.

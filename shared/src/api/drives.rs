@@ -8,8 +8,8 @@ use crate::trial_view::Recorded;
 use crate::vehicle::{Pose, TurnInput};
 use serde::{Deserialize, Serialize};
 
-/// The input held in each step. In JSON a text with one of the letters `L` (left), `S` (straight)
-/// and `R` (right) for each step.
+/// The input held in each step. In JSON, a string with one letter for each step: `L` (left), `S`
+/// (straight) or `R` (right).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema), schemars(with = "String"))]
@@ -51,7 +51,7 @@ pub struct Drives {
     pub pilot: bool,
     /// Whether the participant's data were deleted.
     pub data_deleted: bool,
-    /// Why an experimenter excluded the participant from analyses; absent if not excluded.
+    /// Why an experimenter excluded the participant from analyses. Absent if not excluded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub excluded: Option<String>,
     /// Whether the participant is a program and not a person; see
@@ -60,9 +60,9 @@ pub struct Drives {
     pub synthetic: bool,
     /// Vehicles, danger radius and clock of the tasks.
     pub parameters: SceneParameters,
-    /// Id of the value function V_HR; null while the server has none.
+    /// Id of the value function V_HR. Null while the server has none.
     pub value_function_hr: Option<String>,
-    /// Id of the value function V_RH; null while the server has none.
+    /// Id of the value function V_RH. Null while the server has none.
     pub value_function_rh: Option<String>,
     /// The tasks, in the order of the plan.
     pub tasks: Vec<Drive>,
@@ -80,8 +80,8 @@ pub struct Drive {
     pub scene: Scene,
     /// The input held in each step.
     pub inputs: Inputs,
-    /// States before each step and after the last step. Each has x (m), y (m) and heading (rad) of
-    /// the human, then of the robot.
+    /// States before each step and after the last step. Each state contains x (m), y (m) and
+    /// heading (rad), first of the human and then of the robot.
     pub states: Vec<[f64; 6]>,
 }
 

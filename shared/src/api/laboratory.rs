@@ -36,9 +36,9 @@ pub struct StudySummary {
     /// Number of these people who are still taking part and for whom the server stored data in the
     /// last ten minutes.
     pub active: u64,
-    /// Number of these people whose data should be checked: they steered in no task, steered in
-    /// every step of every task, or have the same key times as an earlier trial, as if a program
-    /// had driven. People who are already excluded do not count.
+    /// Number of these people whose data should be checked. They steered in no task, steered in
+    /// every step of every task, or have the same key times as an earlier trial, which suggests
+    /// that a program drove. People who are already excluded do not count.
     pub doubtful: u64,
     /// Number of stored trials of these people.
     pub trials: u64,
@@ -62,7 +62,7 @@ pub struct PilotsDeleted {
 pub struct TrialPage {
     /// The trials of this page.
     pub trials: Vec<TrialSummary>,
-    /// Pass as `before` for the next page; absent on the last page.
+    /// The value of `before` in the request for the next page. Absent on the last page.
     pub next_before: Option<i64>,
 }
 
@@ -132,7 +132,8 @@ pub struct TrialDetail {
     #[serde(default)]
     pub synthetic: bool,
     /// Vehicles, danger radius and clock of the trial. They define the two games
-    /// ([`SceneParameters::game`]) that a browser solves if the server has no id below.
+    /// ([`SceneParameters::game`]). A browser solves a game if the id of its value function is
+    /// null.
     pub parameters: SceneParameters,
     /// The scene that was driven.
     pub scene: Scene,
@@ -142,22 +143,22 @@ pub struct TrialDetail {
     pub states: Vec<JointState>,
     /// The differences between the uploaded states and a replay of the inputs.
     pub replay: Replay,
-    /// Id of the value function V_HR; null while the server has none.
+    /// Id of the value function V_HR. Null while the server has none.
     pub value_function_hr: Option<String>,
-    /// Id of the value function V_RH; null while the server has none.
+    /// Id of the value function V_RH. Null while the server has none.
     pub value_function_rh: Option<String>,
-    /// Id of the previous stored trial of the participant or, if there is none, of the last trial
-    /// of the participant with the next lower number. Null for the first trial. Pilots have their
-    /// own sequence.
+    /// Id of the participant's previous stored trial. If there is none, id of the last trial of the
+    /// participant with the next lower number. Null for the first trial. Pilots have their own
+    /// sequence.
     #[serde(default)]
     pub previous: Option<String>,
-    /// Id of the next stored trial, chosen in the same way. Null for the last trial.
+    /// Id of the next stored trial, chosen by the corresponding rule. Null for the last trial.
     #[serde(default)]
     pub next: Option<String>,
 }
 
 impl TrialDetail {
-    /// Id of the value function of the game in which `evader` evades; `None` while the server has
+    /// Id of the value function of the game in which `evader` evades. `None` while the server has
     /// none.
     #[must_use]
     pub fn value_function(&self, evader: Evader) -> Option<&str> {
@@ -188,7 +189,7 @@ pub enum DataCheckState {
     /// The check has not run since the server started.
     #[default]
     Waiting,
-    /// The check is running; the findings are still the previous ones.
+    /// The check is running. The findings are still from the previous check.
     Running,
     /// The check is done.
     Done,
@@ -196,7 +197,7 @@ pub enum DataCheckState {
     Failed,
 }
 
-/// Findings of the server's last data check, which checks the database file and replays every
+/// Findings of the server's last data check. The check examines the database file and replays every
 /// stored trial.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
@@ -205,7 +206,7 @@ pub struct DataCheck {
     pub state: DataCheckState,
     /// When the check ended (ms since 1970). Null before the first check.
     pub at_ms: Option<i64>,
-    /// The number of trials that were replayed; null before the first check.
+    /// The number of trials that were replayed. Null before the first check.
     pub trials: Option<u64>,
     /// The number of faults that were found.
     pub fault_count: u64,
@@ -213,7 +214,7 @@ pub struct DataCheck {
     pub faults: Vec<String>,
     /// Why the check failed, if it did.
     pub message: Option<String>,
-    /// The newest backup in the folder of this server.
+    /// The newest backup in the backup folder of this server.
     pub backup: Option<Backup>,
 }
 

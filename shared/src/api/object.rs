@@ -7,7 +7,8 @@ use std::marker::PhantomData;
 
 /// The members of a JSON object, sorted by name.
 ///
-/// A sorted list instead of a tree saves kilobytes in the client that participants download.
+/// A sorted list instead of a tree makes the client that participants download smaller by some
+/// kilobytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Object<V>(Vec<(String, V)>);
 

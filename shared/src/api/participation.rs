@@ -31,7 +31,7 @@ pub struct ComprehensionResult {
 pub struct ComprehensionStored {
     /// Whether the participation has ended after too many wrong attempts.
     pub screened_out: bool,
-    /// What follows a wrong answer, if the participation continues.
+    /// The consequence of a wrong answer, if the participation continues.
     #[serde(default)]
     pub after_wrong: AfterWrong,
     /// Return URL, if the participation has ended and the study sets one.
@@ -40,7 +40,7 @@ pub struct ComprehensionStored {
 }
 
 /// Request body with the answers to the questions after the last scene. `V` is the type of an
-/// answer: any JSON on the server.
+/// answer. On the server, an answer can be any JSON value.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -231,7 +231,7 @@ pub struct Progress {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub return_url: Option<String>,
     /// Whether the participation is complete. If this token was obtained with the external id
-    /// alone, the completion code is absent even then.
+    /// alone, the completion code is absent even from a complete participation.
     #[serde(default)]
     pub complete: bool,
     /// Whether the check of understanding was passed.
@@ -256,7 +256,7 @@ pub struct Progress {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Completed {
-    /// The completion code: proof that every trial is stored.
+    /// The completion code, which proves that every trial is stored.
     pub completion_code: String,
     /// Return URL with the code, if the study sets one.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -63,8 +63,8 @@ impl Stage {
     }
 }
 
-/// Data quality: counts over the participant's stored tasks, including repeated attempts, and
-/// failed checks of understanding.
+/// Data quality: how many of the participant's stored tasks (including repeated attempts) have each
+/// property, and the number of failed checks of understanding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Quality {
@@ -80,8 +80,8 @@ pub struct Quality {
     pub always_steered: u32,
     /// Tasks in which the human entered the danger zone.
     pub danger_entered: u32,
-    /// Tasks whose key events have exactly the same times as an earlier trial of the study, so a
-    /// program drove.
+    /// Tasks whose key events have exactly the same times as an earlier trial of the study, which
+    /// suggests that a program drove.
     pub same_timing: u32,
     /// Failed attempts at the check of understanding.
     #[serde(default)]
@@ -235,7 +235,8 @@ pub struct ParticipantDetail {
     /// participants or if a trial reports that a program drove.
     #[serde(default)]
     pub synthetic: bool,
-    /// Version number of this configuration within the study. Absent if the study never used it.
+    /// Version number, within the study, of the configuration under which they enrolled. Absent if
+    /// the study never used it.
     #[serde(default)]
     pub configuration_number: Option<u32>,
     /// The experimenter's label of this configuration.

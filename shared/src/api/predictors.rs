@@ -15,7 +15,7 @@ pub struct PredictorSummary {
     pub participant: i64,
     /// The kind of model, such as `svm_rbf`, `dt` or `lr`; `svm` is the better of two SVMs.
     pub model: String,
-    /// 1: right, straight or left; 2: turn or no turn.
+    /// The classes: 1 means right, straight or left; 2 means turn or no turn.
     pub experiment: u8,
     /// The name of the feature set.
     pub features: String,
@@ -26,8 +26,8 @@ pub struct PredictorSummary {
     pub cv_accuracy: f64,
     /// Test accuracy: the share of the test tasks' steps predicted correctly, from 0 to 1.
     pub test_accuracy: f64,
-    /// Id of the participant's last stored task, for a replay with this model. Absent if there is
-    /// none.
+    /// Id of the participant's last stored task, for a replay with this model. Absent if no task is
+    /// stored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub newest_task: Option<String>,
 }
@@ -69,7 +69,8 @@ pub struct TrainedPredictor {
     pub trials: usize,
     /// Why the learned model could not be used. Absent if it was used.
     pub fallback: Option<String>,
-    /// The ids of the trials that it was trained on. Accuracy is overestimated on them.
+    /// The ids of the trials that it was trained on. On these trials, its accuracy is
+    /// overestimated.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub trained_on: Vec<String>,
     /// The analysis that trained the predictor. Absent if it was trained on the participant's
@@ -86,7 +87,7 @@ pub struct LearnedSets {
     pub sets: EmpiricalSets,
     /// The number of trials from which the sets were learned.
     pub trials: usize,
-    /// The coverage of the sets on the participant's other tasks; null if there are no other tasks.
+    /// The coverage of the sets on the participant's other tasks. Null if there are no other tasks.
     pub held: Option<Probabilities>,
 }
 

@@ -19,8 +19,8 @@ pub struct StudyInfo {
     pub parameters: SceneParameters,
     /// The phases and their scenes.
     pub phases: Vec<PhaseConfig>,
-    /// Whether the requesting person can take part. If the request has no external id: whether a
-    /// new person can take part.
+    /// Whether the requesting person can take part. If the request has no external id, this field
+    /// says whether a new person can take part.
     pub admission: Admission,
     /// URL for people who cannot take part, if the study sets one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -123,7 +123,7 @@ pub struct Texts {
     pub debrief: Option<String>,
 }
 
-/// A language to choose.
+/// A language that the participant can choose.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Language {

@@ -24,8 +24,8 @@ pub struct KeyEvent {
     pub down: bool,
 }
 
-/// Request body of a trial's upload. `V` is the type of the facts about the display: any JSON on
-/// the server, numbers in the client that measures them.
+/// Request body of a trial's upload. `V` is the type of the facts about the display. On the server,
+/// they are any JSON values. In the client, which measures them, they are numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -59,8 +59,8 @@ pub struct TrialUpload<V = Value> {
 
 impl<V: Serialize> TrialUpload<V> {
     /// Checks that this can be a trial of the study: it has the right number of steps, its states
-    /// can be drawn, and it respects the size limits. Anything else that is unusual is evidence,
-    /// which [`flags`](crate::trial::flags) and [`Record`](crate::trial::Record) flag.
+    /// can be drawn, and it respects the size limits. Anything else that is unusual is not
+    /// rejected. [`flags`](crate::trial::flags) and [`Record`](crate::trial::Record) flag it.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.

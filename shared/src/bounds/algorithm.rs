@@ -41,8 +41,8 @@ impl Algorithm1 {
     /// # Errors
     /// [`Invalid`] if there is no state; a coordinate is not finite; a field of `motion` is
     /// invalid; an action of the human or the robot is outside the vehicle's turn rate; the model's
-    /// number of actions differs from the settings'; or its probabilities are not numbers ≥ 0 that
-    /// sum to 1 within 10⁻⁶.
+    /// number of actions differs from the number in the settings; or the model's probabilities are
+    /// not numbers ≥ 0 that sum to 1 within 10⁻⁶.
     pub fn run(
         &mut self,
         history: &[JointState],
@@ -87,7 +87,7 @@ impl Algorithm1 {
         Ok(&self.found)
     }
 
-    /// The result of the last run: empty before the first run, incomplete after an error.
+    /// The result of the last run. It is empty before the first run and incomplete after an error.
     #[must_use]
     pub fn found(&self) -> &PredictedBounds {
         &self.found
@@ -281,7 +281,7 @@ mod tests {
         assert_eq!(raw([0.2, 0.6, 0.2], 1), (0.0, 0.0));
         // The second most likely action has probability 0, so all actions tie with it.
         assert_eq!(raw([1.0, 0.0, 0.0], 2), (-0.5, 0.5));
-        // Thirds, rounded in different directions by a file or a softmax.
+        // Thirds that a file or a softmax rounded in different directions.
         for last in [0.3333333333333334, 1.0 / 3.0, 0.3333333333333332] {
             assert_eq!(raw([1.0 / 3.0, 1.0 / 3.0, last], 1), (-0.5, 0.5), "{last}");
         }
@@ -293,7 +293,8 @@ mod tests {
         let adaptive = |p, tau| run(p, &[0.0], ActionChoice::Adaptive { tau, steps: 1 }).raw[0];
         assert_eq!(adaptive([0.1, 0.6, 0.3], 0.25), (0.0, 0.5));
         assert_eq!(adaptive([0.05, 0.9, 0.05], 0.25), (0.0, 0.0));
-        // If no action reaches τ, the most likely action counts, and so do its ties.
+        // If no action reaches τ, the most likely action and all actions that tie with it are
+        // selected.
         assert_eq!(adaptive([0.5, 0.3, 0.2], 1.0), (-0.5, -0.5));
         assert_eq!(adaptive([0.4, 0.2, 0.4], 0.9), (-0.5, 0.5));
         // 0.1 + 0.2 is 0.30000000000000004.

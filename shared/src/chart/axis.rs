@@ -5,15 +5,15 @@ use crate::math::ln;
 /// An axis: quantity, ends and ticks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
-    /// The quantity.
+    /// Name of the quantity.
     pub name: String,
-    /// Its unit; may be empty.
+    /// Unit of the title and the tick labels; may be empty.
     pub unit: String,
-    /// The values at its ends: left and right, or bottom and top.
+    /// The values at the ends of the axis: left and right, or bottom and top.
     pub ends: [f64; 2],
     /// Whether the scale is logarithmic.
     pub logarithmic: bool,
-    /// Whether its ticks are categories, centred at 0.5, 1.5, ….
+    /// Whether the ticks are categories, centred at 0.5, 1.5, ….
     pub of_categories: bool,
     /// The ticks: values with their labels.
     pub labels: Vec<(f64, String)>,
@@ -22,11 +22,11 @@ pub struct Axis {
 /// A tick of an axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tick {
-    /// Its value, in the axis's unit.
+    /// The value, in the unit of [`Axis::ends`].
     pub value: f64,
-    /// Its position: 0 at the start of the axis, 1 at its end.
+    /// The position: 0 at the start of the axis, 1 at its end.
     pub share: f64,
-    /// Its label.
+    /// The label.
     pub label: String,
 }
 
@@ -160,7 +160,8 @@ pub fn round_step(length: f64, most: usize) -> f64 {
     steps.into_iter().find(|step| *step >= least * (1.0 - 1e-9)).unwrap_or(least)
 }
 
-/// The multiples of `step` (in `unit`s) between the ends, with their labels in `unit`s.
+/// The ticks between the ends, at multiples of `step`, with their labels. `step` and the labels are in
+/// a unit that is `unit` times the unit of the ends: 60 for minutes, if the ends are in seconds.
 fn multiples([low, high]: [f64; 2], step: f64, unit: f64) -> Vec<(f64, String)> {
     let (first, last) = ((low / unit / step - 1e-6).ceil(), (high / unit / step + 1e-6).floor());
     let is_whole = |number: f64| (number - number.round()).abs() < 1e-6 * number;

@@ -3,11 +3,12 @@
 //! `static/style.css` and `static/lab.css` declare the same colours under the same names as custom
 //! properties; a test compares them.
 
-/// A colour: a design colour, with different values on light and dark backgrounds, or any other
-/// colour.
+/// A colour of the design, or any other colour. It can have different values on light and dark
+/// backgrounds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Colour {
-    /// Its custom property in the style sheet, without the dashes; `None` outside the design.
+    /// Name of the colour's custom property in the style sheet, without the dashes. `None` for a colour
+    /// that is not part of the design.
     pub name: Option<&'static str>,
     /// Red, green and blue on a light background.
     pub light: [u8; 3],
@@ -210,7 +211,7 @@ mod tests {
             m.map(|row| row.iter().zip(v).map(|(a, b)| a * b).sum::<f64>())
         };
         let rgb = times(vision, linear).map(|channel| channel.clamp(0.0, 1.0));
-        // To XYZ relative to the D65 white point.
+        // Converts linear RGB to XYZ relative to the D65 white point.
         let to_xyz = [
             [0.4124 / 0.9505, 0.3576 / 0.9505, 0.1805 / 0.9505],
             [0.2126, 0.7152, 0.0722],

@@ -3,7 +3,7 @@
 use super::colours::{Colour, Ink, SURFACE};
 use crate::math::sin_cos;
 
-/// [right, down] (px) in a drawing, [x, y] in the units of a chart's axes.
+/// A point: [right, down] (px) in a drawing, or [x, y] in the units of a chart's axes.
 pub type Point = [f64; 2];
 
 /// Style of a line.

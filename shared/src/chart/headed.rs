@@ -7,8 +7,8 @@ use super::text::width_of;
 /// Margin around every figure (px).
 pub const MARGIN: f64 = 28.0;
 
-/// A drawing with a heading and notes below it. It is just high enough for them. Between the
-/// margins it is `width` px wide, or wider for long notes.
+/// A drawing with a heading and, below the heading, notes. Its height just fits the heading and the
+/// notes. Between the margins it is `width` px wide, or wider if a note is longer.
 #[must_use]
 pub fn headed(heading: &str, notes: &[&str], width: f64) -> Drawing {
     const NOTE: f64 = 12.0;

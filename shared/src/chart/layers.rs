@@ -126,11 +126,11 @@ impl Series {
 /// The numbers of one category of a swarm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Group {
-    /// One dot per number. Its offset depends only on its index and the number of dots.
+    /// One dot per number. The offset of a dot depends only on its index and the number of dots.
     pub values: Vec<f64>,
     /// The statistic named in [`Swarm::centre`], such as the mean.
     pub centre: f64,
-    /// Interval of the centre.
+    /// Interval of the centre, if any.
     pub interval: Option<[f64; 2]>,
 }
 
@@ -140,7 +140,7 @@ pub struct Group {
 pub struct Swarm {
     /// Legend text for the dots.
     pub name: String,
-    /// One per category of the axis.
+    /// One group per category of the axis.
     pub groups: Vec<Group>,
     /// The dots' shape.
     pub mark: Mark,
@@ -148,8 +148,8 @@ pub struct Swarm {
     pub ink: Ink,
     /// Name of the statistic that the centres show, such as "mean".
     pub centre: &'static str,
-    /// Name of their intervals, such as "95 % interval". Each centre is then a diamond on its
-    /// interval. `None` draws the centres as bars without intervals.
+    /// Name of the centres' intervals, such as "95 % interval". Each centre is then drawn as a diamond
+    /// on its interval. `None` draws the centres as bars without intervals.
     pub interval: Option<&'static str>,
     /// Decimal places of the numbers in tooltips.
     pub places: usize,
@@ -160,7 +160,7 @@ pub struct Swarm {
 pub struct Area {
     /// Name in the legend; may be empty.
     pub name: String,
-    /// The last point joins the first one.
+    /// The vertices. The last one joins the first one.
     pub points: Vec<Point>,
     /// Fill colour, if any.
     pub fill: Option<Ink>,
@@ -173,7 +173,7 @@ pub struct Area {
 pub struct Cells {
     /// Their colour.
     pub ink: Ink,
-    /// The rectangles, each by two opposite corners: x, y, x, y.
+    /// The rectangles, each given by two opposite corners: x, y, x, y.
     pub boxes: Vec<[f64; 4]>,
 }
 
@@ -190,7 +190,7 @@ pub enum Sign {
     Numeral(usize),
 }
 
-/// Text or a symbol at a point. It is drawn only if the point is between the axes.
+/// Text or a symbol at a point. It is drawn only if the point is inside the chart's frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Note {
     /// The point, in the axes' units.
@@ -218,7 +218,7 @@ impl Note {
 }
 
 impl Sign {
-    /// Draws it at a point of the drawing (px).
+    /// Draws the text or symbol at a point of the drawing (px).
     pub(super) fn draw(&self, drawing: &mut Drawing, at: Point, colour: Colour) {
         match self {
             Self::Words(text, size, align) => {

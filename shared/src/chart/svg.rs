@@ -22,7 +22,7 @@ pub enum ColourStyle {
 pub struct Element {
     /// Tag name, such as `polyline`.
     pub name: &'static str,
-    /// Names and unescaped values.
+    /// Names and unescaped values of the attributes.
     pub attributes: Vec<(&'static str, String)>,
     /// Its unescaped text.
     pub text: String,
@@ -80,7 +80,7 @@ impl Drawing {
     }
 }
 
-/// The elements of shapes. Consecutive shapes with the same style share a group that carries it.
+/// The elements of shapes. Consecutive shapes with the same style share a group that carries the style.
 fn elements(shapes: &[Shape], style: ColourStyle) -> Vec<Element> {
     let look = |shape: &Shape| paint(shape, style);
     let alike = shapes.chunk_by(|a, b| look(a) == look(b));

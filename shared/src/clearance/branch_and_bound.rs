@@ -29,8 +29,8 @@ struct Part {
     /// The time interval, as fractions of the step.
     from: f64,
     to: f64,
-    /// Of the directions tried as the direction from human to robot, the one that gave the bound
-    /// `at_least_m` (rad).
+    /// The direction from human to robot (rad) that gave the bound `at_least_m`. It is the best of the
+    /// directions tried.
     alpha: f64,
     /// Lower bound (m) on the distance of the part's drives from the robot.
     at_least_m: f64,
@@ -65,7 +65,7 @@ impl Eq for Part {}
 /// Largest number of directions tried for a part.
 const MOST_DIRECTIONS: usize = 4;
 
-/// Limits for the largest turn of a drive in one piece (rad).
+/// The largest turn of a drive in one piece (rad) is clamped to this range.
 const LEAST_TURN_RAD: f64 = 0.02;
 const MOST_TURN_RAD: f64 = 0.5;
 
@@ -97,7 +97,7 @@ pub(super) struct Search {
     seeds: Vec<Seed>,
 }
 
-/// A subset of the drives, and the direction with its best bound.
+/// A subset of the drives, and the direction that gives its best bound.
 #[derive(Clone, Copy, Debug)]
 struct Seed {
     cuts: Cuts,
@@ -110,8 +110,8 @@ const MOST_SEEDS: usize = 24;
 impl Search {
     /// Prepares the search for the set with these bounds.
     pub(super) fn begin(&mut self, bounds: &InputBounds, on: &Setting<'_>) {
-        // If a drive turns by an angle a in a piece, the line exceeds the cosine by a²/24 on average.
-        // The total excess is then at most a quarter of the accuracy.
+        // If a drive turns by an angle a in a piece, the line above the cosine exceeds it by a²/24 on
+        // average. With the angle computed here, the total excess is at most a quarter of the accuracy.
         let length_m = on.speed_mps * on.step_s * bounds.steps() as f64;
         let turn_rad = (6.0 * on.settings.accuracy_m / length_m).sqrt();
         // Limit the number of pieces.
@@ -203,8 +203,8 @@ impl Search {
         (Clearance { at_least_m: settled_m.min(at_most_m), at_most_m }, self.work)
     }
 
-    /// Saves the drives of a part as a seed if the part ends with the step. Every drive belongs to
-    /// such a part.
+    /// Saves the drives of a part as a seed if the part's time interval reaches the end of the step.
+    /// Every drive belongs to such a part.
     fn seed(&mut self, part: &Part) {
         if part.to == 1.0 && self.seeds.len() <= MOST_SEEDS {
             self.seeds.push(Seed { cuts: part.cuts, alpha: part.alpha });
@@ -321,7 +321,8 @@ struct End {
     at_least_m: f64,
     /// Distance between the robot and the drive that was found (m).
     at_most_m: f64,
-    /// Vector (m) from the end of the drive to the robot's corner that is least far along the direction.
+    /// Vector (m) from the end of the drive to the robot's corner with the smallest coordinate along
+    /// the direction.
     apart: [f64; 2],
 }
 
@@ -350,9 +351,10 @@ impl<'a> Look<'a> {
         }
     }
 
-    /// The gaps at both ends, along direction `alpha` from human to robot. In between, the human
-    /// advances at most at the speed times the largest cosine of a heading. The true gap is therefore
-    /// never below the linear interpolation of the two gaps by more than the bulge of the robot's path.
+    /// The gaps at both ends, along direction `alpha` from human to robot. In between, the human's velocity
+    /// component along the direction is at most the speed times the largest cosine of a heading. The true gap
+    /// is therefore never below the linear interpolation of the two gaps by more than the bulge of the
+    /// robot's path.
     fn along(&self, alpha: f64, tube: &Tube, farthest: &mut Farthest) -> [End; 2] {
         let (sin, cos) = sin_cos(alpha);
         let v = self.on.speed_mps;

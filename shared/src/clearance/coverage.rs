@@ -1,18 +1,17 @@
 //! Converts a calibration into a bound on the probability of a collision.
 //!
-//! If a plan is clear of F_j, the human can touch the robot only if the human's trajectory leaves
-//! F_j. Let c_j be a lower bound on the share of trajectories that stay inside F_j, and F_J the
-//! largest set of which the plan is clear. The bound is U = 1 − c_J, or U = 1 if the plan is clear of
-//! no set. J depends on the scene, but the bound is valid for every α: since the sets are nested,
-//! U ≤ α holds only if the plan is clear of the smallest set with 1 − c_j ≤ α. Hence
-//! P(touch, and U ≤ α) ≤ α.
+//! If a plan is clear of F_j, the human can touch the robot only if the human's trajectory leaves F_j.
+//! Let c_j be a lower bound on the share of trajectories that stay inside F_j, and let F_J be the
+//! largest set that the plan is clear of. The bound is U = 1 − c_J, or U = 1 if the plan is clear of no
+//! set. J depends on the scene, but the bound is valid for every α, because the sets are nested: U ≤ α
+//! holds only if the plan is clear of the smallest set with 1 − c_j ≤ α. Hence P(touch, and U ≤ α) ≤ α.
 //!
 //! # Between the recorded states
-//! Calibration tests the recorded state after each step, within a tolerance. Every instant is at
-//! most half a step (τ/2) away from a recorded state. If the human drives at the constant speed v
-//! with turn rates in the vehicle's range, the distance to a trajectory of the set is therefore at
-//! most the position tolerance, plus vτ/2 times the heading tolerance, plus v(τ/2)²/2 times the width
-//! of the turn-rate range. A plan must keep this margin.
+//! Calibration tests the recorded state after each step, within a tolerance. Every instant is at most
+//! half a step (τ/2) away from a recorded state. Suppose that the human drives at the constant speed v
+//! with turn rates in the vehicle's range. The distance to a trajectory of the set is then at most the
+//! position tolerance, plus vτ/2 times the heading tolerance, plus v(τ/2)²/2 times the width of the
+//! turn-rate range. A plan must keep this margin.
 
 use super::interval::Clearances;
 use crate::invalid::{Invalid, length};
@@ -22,8 +21,8 @@ use crate::shfrs::scores::Scores;
 use crate::shfrs::tuning::Tuned;
 use crate::stats::{beta_quantile, open_probability};
 
-/// For each set, a bound on the share of trajectories that leave the set; and a statement of the
-/// assumptions.
+/// For each set, an upper bound on the share of trajectories that leave the set, together with a
+/// statement of the assumptions.
 ///
 /// ```
 /// use sidestep::clearance::CoverageBounds;
@@ -43,7 +42,7 @@ use crate::stats::{beta_quantile, open_probability};
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct CoverageBounds {
-    /// For each set, from the smallest to the largest; descending.
+    /// One bound per set, from the smallest set to the largest. The bounds descend.
     outside: Vec<f64>,
     margin_m: f64,
     statement: String,
@@ -70,8 +69,8 @@ impl CoverageBounds {
     /// The bounds that `tuned` guarantees for the prediction of
     /// [`OnlinePredictor::tuned`](super::OnlinePredictor::tuned) with the same `further` widenings
     /// (rad/s). The first set has the tuned choice of actions, roll-outs and ε, and the larger sets
-    /// contain it. A trajectory leaves a set that admits every turn rate with probability 0.
-    /// `parameters` must be the parameters of the tuning.
+    /// contain it. For a set that admits every turn rate, the bound is 0, because no trajectory leaves
+    /// it. `parameters` must be the parameters of the tuning.
     ///
     /// # Errors
     /// [`Invalid`] if the further widenings do not ascend from the tuned ε.
@@ -97,9 +96,9 @@ impl CoverageBounds {
     }
 
     /// The bounds that hold for all sets simultaneously with confidence 1 − `delta`. Each is a
-    /// Clopper–Pearson bound, with δ divided by the number of sets that do not admit every turn
-    /// rate. A trajectory leaves a set that admits every turn rate with probability 0. `scores` are
-    /// the scores of calibration trajectories, computed with the prediction's choice of actions,
+    /// Clopper–Pearson bound, with δ divided by the number of sets that do not admit every turn rate.
+    /// For a set that admits every turn rate, the bound is 0, because no trajectory leaves it. `scores`
+    /// are the scores of calibration trajectories, computed with the prediction's choice of actions,
     /// `base` roll-outs and `tolerance`. `epsilon` are the sets' widenings (rad/s), ascending.
     ///
     /// # Errors
@@ -147,7 +146,7 @@ impl CoverageBounds {
         &self.outside
     }
 
-    /// The margin (m). A set's bound holds for a plan whose clearance from the set exceeds it.
+    /// The margin (m). A set's bound holds for a plan whose clearance from the set exceeds this margin.
     #[must_use]
     pub fn margin_m(&self) -> f64 {
         self.margin_m
@@ -189,7 +188,7 @@ fn rising(field: &str, mut least: f64, epsilon: &[f64]) -> Result<(), Invalid> {
     Ok(())
 }
 
-/// The largest distance (m) from a set that a trajectory can have between recorded states that are
+/// The largest possible distance (m) of a trajectory from a set, between recorded states that are
 /// inside the set.
 fn margin_m(parameters: &SceneParameters, tolerance: Tolerance, steps: usize) -> f64 {
     let (v, half_s) = (parameters.human.speed_mps, 0.5 * parameters.step_s);

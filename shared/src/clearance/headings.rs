@@ -1,5 +1,5 @@
-//! The headings that a human can have at each instant. They form a tube, which follows from the
-//! bounds on the turn rate; branching narrows it.
+//! The headings that a human can have at each instant. They form a tube, which follows from the bounds
+//! on the turn rate. Branch and bound narrows the tube.
 
 use crate::bounds::InputBounds;
 
@@ -100,7 +100,7 @@ impl Cuts {
 }
 
 /// The headings that drives can have at the end of each piece, up to some instant (rad in the world
-/// frame, not wrapped). From each heading in the tube, a drive inside the tube leads to its end.
+/// frame, not wrapped). From each heading in the tube, a drive inside the tube leads to the tube's end.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tube {
     pub(super) pieces: Vec<Piece>,
@@ -167,7 +167,7 @@ impl Tube {
         for (k, piece) in self.pieces.iter().enumerate().rev() {
             self.lo[k] = self.lo[k].max(self.lo[k + 1] - piece.hi * piece.seconds);
             self.hi[k] = self.hi[k].min(self.hi[k + 1] - piece.lo * piece.seconds);
-            // Here the two differ only by a rounding error.
+            // If this holds, the two differ only by a rounding error.
             if self.lo[k] > self.hi[k] {
                 self.lo[k] = self.hi[k];
             }

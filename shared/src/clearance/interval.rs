@@ -156,7 +156,7 @@ impl ClearanceSettings {
 }
 
 impl ClearanceSettings {
-    /// The lower bound (m) that is sufficient for this upper bound.
+    /// The lower bound (m) at which the search may stop, given the upper bound `at_most_m`.
     pub(super) fn goal(&self, at_most_m: f64) -> f64 {
         self.enough_m.min(at_most_m - self.accuracy_m)
     }

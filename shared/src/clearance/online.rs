@@ -234,8 +234,8 @@ impl OnlinePredictor {
     }
 
     /// Checks that the human's vehicle in the parameters can have driven the last step within a
-    /// tolerance of a millimetre and a milliradian. The sets and their probabilities assume that it can
-    /// drive the next steps. [`NextSteps`] has no effect here.
+    /// tolerance of a millimetre and a milliradian. The sets and their probabilities assume that the
+    /// vehicle can also drive the human's next steps. [`NextSteps`] has no effect here.
     ///
     /// # Errors
     /// [`Invalid`] if the vehicle cannot have driven the step ([`check_step`]). With fewer than two
@@ -276,9 +276,9 @@ impl OnlinePredictor {
         Ok(&found.sets)
     }
 
-    /// Computes the clearance from each predicted set, in each step, of a plan that begins now. The
-    /// clearance is −∞ after a step that the human's vehicle cannot have driven (standing still, for
-    /// instance); [`Clearances::unproved`] then returns the reason.
+    /// Computes the clearance from each predicted set, in each step, of a plan that begins now. If
+    /// there is a [departure](Self::departure), for instance because the human stood still, every
+    /// clearance is −∞, and [`Clearances::unproved`] returns the reason.
     ///
     /// # Errors
     /// [`Invalid`] if [`Self::predict`] has not run since the last state was pushed; and the errors of

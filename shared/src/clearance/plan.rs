@@ -224,9 +224,9 @@ impl Leg {
         Self { from, chord, turn_rad, length_m }
     }
 
-    /// The pose after a fraction `share` of the step, from 0 to 1. The chord of this part of the arc has
-    /// a length ∝ share · sinc(share · turn/2). Relative to the full chord, it is rotated back by half
-    /// of the remaining turn.
+    /// The pose after a fraction `share` of the step, from 0 to 1. The chord of this part of the arc
+    /// has a length proportional to share · sinc(share · turn/2). Relative to the full chord, it is
+    /// rotated back by half of the remaining turn.
     pub(super) fn pose(&self, share: f64) -> Pose {
         let half = 0.5 * self.turn_rad;
         let scale = share * sinc(share * half) / sinc(half);
@@ -239,9 +239,9 @@ impl Leg {
         }
     }
 
-    /// Upper bound (m) on the distance of a point fixed to the robot, `reach_m` from its position, from
-    /// the chord of the point's path in a fraction `part` of the step. The bound is an eighth of the
-    /// acceleration times the time squared.
+    /// Upper bound (m) on the distance between the path of a point and the chord of this path, during a
+    /// fraction `part` of the step. The point is fixed to the robot, `reach_m` from its position. The
+    /// bound is an eighth of the acceleration times the time squared.
     pub(super) fn bulge_m(&self, reach_m: f64, part: f64) -> f64 {
         let turn = self.turn_rad.abs();
         turn * (self.length_m + turn * reach_m) * part * part / 8.0

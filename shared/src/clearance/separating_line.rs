@@ -78,13 +78,13 @@ impl HumanFuture<'_> {
 /// plan, plans that do not have more sets, more steps or larger turns cause no allocation.
 ///
 /// # Method
-/// A separating line between robot and human proves that they do not touch. For each direction,
-/// dynamic programming over the heading gives an upper bound on how far the human can get, with a
-/// line above the cosine in each time interval (`upper_bound`). The bound is valid for every choice of
-/// directions and lines. While the proved distance is too far below the distance of the nearest drive
-/// found, branch and bound halves the drives (by their heading at some instant) or the time interval,
-/// and searches both halves (`branch_and_bound`). The method also works for non-convex sets and at
-/// any turn rate.
+/// A separating line between robot and human proves that they do not touch. For each direction, dynamic
+/// programming over the heading gives an upper bound on how far the human can get. It replaces the
+/// cosine by a line above it in each time interval (`upper_bound`). The bound is valid for every choice
+/// of directions and lines. While the proven distance is too far below the distance to the nearest
+/// drive found, branch and bound halves the drives (by their heading at some instant) or the time
+/// interval, and searches both halves (`branch_and_bound`). The method also works for non-convex sets
+/// and at any turn rate.
 ///
 /// # Example
 /// ```

@@ -1,11 +1,11 @@
 //! An upper bound on how far the human can get in a direction, and a drive that comes close to it.
 //!
-//! The distance along direction α is v∫cos(θ − α), where θ(t) is the heading. In each piece, a line
-//! that is nowhere below the cosine, for all headings possible in the piece, replaces the cosine.
-//! The result is linear in the headings at the ends of the pieces, apart from a concave gain per
-//! turn. Dynamic programming finds its maximum: the value function (the remaining gain) is concave
-//! and piecewise linear in the heading. The maximum is an upper bound **for any choice of lines**
-//! above the cosine. Good lines touch the cosine at the best drive.
+//! The distance along direction α is v∫cos(θ − α), where θ(t) is the heading. In each piece, the cosine
+//! is replaced by a line that is nowhere below it for all headings possible in the piece. The result is
+//! linear in the headings at the ends of the pieces, apart from a concave gain per turn. Dynamic
+//! programming finds its maximum, because the value function (the remaining gain) is concave and
+//! piecewise linear in the heading. The maximum is an upper bound **for any choice of lines** above the
+//! cosine. Good lines touch the cosine at the best drive.
 
 use super::headings::{Piece, Tube};
 use crate::math::{PI, TAU, cos, sin_cos, sinc};
@@ -64,7 +64,7 @@ impl Line {
     }
 }
 
-/// In a narrower range (rad) the cosine counts as constant.
+/// In a range narrower than this (rad), the cosine counts as constant.
 const NO_WIDTH_RAD: f64 = 1e-9;
 
 /// A linear segment of a concave function. The stored slope excludes the function's tilt.
@@ -265,8 +265,8 @@ impl Farthest {
             let shift = turns_away(alpha, (lo, hi));
             let touch = match self.touch.get(k) {
                 Some(touch) => touch - shift,
-                // A drive that stays as near to the direction as possible has about the mean of these
-                // two headings in the middle of the piece.
+                // A drive that stays as near to the direction as possible has, in the middle of the
+                // piece, about the mean of its headings at the two ends.
                 None => {
                     let nearest = |knot: usize| shift.max(tube.lo[knot]).min(tube.hi[knot]);
                     0.5 * (nearest(k) + nearest(k + 1)) - shift
@@ -297,8 +297,8 @@ impl Farthest {
         constant + self.gain.value
     }
 
-    /// Follows the headings with the largest gain from the start. Of several, it takes the heading
-    /// nearest to the direction.
+    /// Follows the headings with the largest gain from the start. Of several best headings, it takes
+    /// the one nearest to the direction.
     fn find_drive(&mut self, tube: &Tube, alpha: f64) {
         self.drive.clear();
         let mut heading = tube.lo[0];

@@ -78,7 +78,7 @@ impl TryFrom<u8> for Experiment {
     }
 }
 
-/// One participant's model and its predictions of the test rows.
+/// One participant's model, and its predictions for the test rows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
     /// The name of the model.
@@ -100,15 +100,15 @@ pub struct Cell {
 }
 
 /// The reference that a model must beat. It always predicts the commonest class of the training
-/// rows. Its probabilities are the class frequencies of these rows, with one row of each class
-/// added so that none is zero.
+/// rows. Its probabilities are the class frequencies of the training rows. One row of each class is
+/// added first, so that no probability is zero.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Baseline {
     /// The experiment.
     pub experiment: Experiment,
     /// Index of the participant.
     pub participant: usize,
-    /// Its predictions of the test rows.
+    /// The baseline's predictions for the test rows.
     pub test: Predictions,
 }
 

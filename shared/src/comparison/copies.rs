@@ -1,4 +1,4 @@
-//! Bit-identical drives: one person under several names, and copies among one person's trials.
+//! Finds bit-identical drives: one person under several names, or copies among one person's trials.
 
 use super::tables::ComparedParticipant;
 use crate::recording::{RecordedParticipant, RecordedTrial};
@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 pub struct CopiedTrials {
     /// The participant's name or number in the data.
     pub participant: String,
-    /// The numbers of identical trials. Each list belongs to one drive and has two or more numbers.
+    /// The numbers of identical trials. Each list has the two or more numbers of one copied drive.
     pub trials: Vec<Vec<u64>>,
     /// The number of test tasks that are identical to a training task (data leakage).
     pub leaking: usize,
@@ -23,7 +23,7 @@ fn bits(trial: &RecordedTrial) -> Vec<u64> {
     inputs.chain(poses.flat_map(<[f64; 3]>::from)).map(f64::to_bits).collect()
 }
 
-/// The indices of equal keys, one list per key that occurs more than once.
+/// Returns the indices of equal keys, with one list for each key that occurs more than once.
 fn alike<K: Ord>(keys: impl IntoIterator<Item = K>) -> Vec<Vec<usize>> {
     let mut places: BTreeMap<K, Vec<usize>> = BTreeMap::new();
     for (place, key) in keys.into_iter().enumerate() {
@@ -53,7 +53,7 @@ pub(super) fn same_trials(
     places.into_iter().map(|place| compared[place].name.clone()).collect()
 }
 
-/// The participants who have identical trials among their own.
+/// The participants with copies among their own trials.
 pub(super) fn copied_trials(
     all: &[&RecordedParticipant],
     compared: &[ComparedParticipant],
@@ -97,7 +97,7 @@ mod tests {
         }
     }
 
-    /// Of tasks 0 to 4, the last is for testing. Task 4 repeats task 1, and task 3 repeats task 0.
+    /// Of tasks 0 to 4, task 4 is for testing. Task 4 repeats task 1, and task 3 repeats task 0.
     #[test]
     fn trials_that_were_copied_are_found_and_those_that_leak_are_counted() {
         use TurnInput::{Left, Right};

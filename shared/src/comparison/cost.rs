@@ -1,8 +1,8 @@
 //! Estimates the cost of a comparison before anything is computed.
 //!
-//! The coefficients were fitted to measurements of this code with the paper's features, on one
-//! thread of a server's processor, with 400 to 4000 training rows per person. The estimate is meant
-//! to distinguish minutes from days.
+//! The coefficients were fitted to measurements of this code with the paper's features and 400 to
+//! 4000 training rows per person, on one thread of a server's processor. The estimate only needs to
+//! distinguish minutes from days.
 
 use super::models::{CURVE_MODELS, Grids, ModelName, UNSEEN_MODELS};
 use super::plan::{COMPARED_SETS, FIRST_TASKS, MOST_GROUPS};
@@ -21,22 +21,22 @@ pub struct Cost {
 /// Memory (bytes) of a comparison without participants: the program and its tables.
 const PROGRAM_BYTES: f64 = 25e6;
 
-/// Memory (bytes) per row: its states, all its features, and the splits that contain it.
+/// Memory (bytes) per row: the row's states, all its features, and the splits that contain it.
 const ROW_BYTES: f64 = 900.0;
 
-/// Memory (bytes) per row of the pooled data, which the models trained on other people use: the row
-/// itself, in each split.
+/// Memory (bytes) per row and thread for the pooled data of the models trained on other people. It
+/// covers the row itself and its entries in the splits.
 const SHARED_ROW_BYTES: f64 = 450.0;
 
-/// Memory (bytes) per row and feature set: support vectors and predictions.
+/// Memory (bytes) per row and feature set, for support vectors and predictions.
 const SET_ROW_BYTES: f64 = 230.0;
 
-/// Time (s) after the fits, per person and feature set.
+/// Time (s) per person and feature set for the work after the fits.
 const FINISH_S: f64 = 0.018;
 
 impl Cost {
-    /// The cost for people with these numbers of tasks, each of `steps` steps, on `threads`
-    /// threads.
+    /// The cost on `threads` threads for people with these numbers of tasks. Each task has `steps`
+    /// steps.
     #[must_use]
     pub fn of(settings: &Settings, tasks: &[usize], steps: usize, threads: usize) -> Self {
         let people: Vec<usize> =
@@ -49,14 +49,14 @@ impl Cost {
         let own: f64 = people.iter().map(|&tasks| own_s(settings, tasks, compared, rows)).sum();
         let all_rows: f64 = people.iter().map(|&tasks| rows(tasks)).sum();
         let groups = if people.len() > 1 { people.len().min(MOST_GROUPS) as f64 } else { 0.0 };
-        // These models are trained on other people's rows. Counting all rows is close enough.
+        // These models are trained only on other people's rows. Counting all rows is close enough.
         let shared: f64 = UNSEEN_MODELS
             .iter()
             .map(|model| fit_s(*model, &settings.grids, all_rows, USUAL_WIDTH))
             .sum();
         let unseen = groups * compared as f64 * shared;
         let most_rows = people.iter().map(|&tasks| rows(tasks)).fold(0.0, f64::max);
-        // Two kernel matrices of all pairs of one person's rows, and the columns of the pooled
+        // Each thread has two kernel matrices over one person's rows, and the columns of the pooled
         // rows.
         let kernels = 2.0 * 8.0 * most_rows * most_rows;
         let columns = if compared > 0 { SHARED_ROW_BYTES * all_rows } else { 0.0 };

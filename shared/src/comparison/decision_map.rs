@@ -13,7 +13,7 @@ use crate::scene::{Evader, JointState};
 use crate::vehicle::Pose;
 
 /// The models' probability of a turn for each position of the robot around the human. Positions are
-/// in the frame of the human, who is at the origin and heads along "ahead".
+/// in the human's body frame, with the human at the origin, heading along "ahead".
 #[derive(Clone, Debug, PartialEq)]
 pub struct DecisionMap {
     /// The name of the models' feature set.
@@ -23,11 +23,12 @@ pub struct DecisionMap {
     /// Name of the encounter with this heading.
     pub encounter: &'static str,
     /// Mean probability of a turn in each of [`Self::SIDE`] × [`Self::SIDE`] cells. Rows go from
-    /// behind to ahead, and cells of a row from right to left. The mean is over participants and
-    /// eight headings in the world, because the paper's features depend on the heading.
+    /// behind to ahead, and the cells of a row go from right to left. The mean is over participants
+    /// and over eight world headings of the human, because the paper's features depend on this
+    /// heading.
     pub probabilities: Vec<f64>,
-    /// The level set {V_HR = 0} as closed curves of [ahead, left] (m). Inside, the robot could
-    /// force a collision.
+    /// The level set {V_HR = 0} as closed curves of [ahead, left] (m). Inside the curves, the robot
+    /// could force a collision.
     pub boundary: Vec<Vec<[f64; 2]>>,
 }
 
@@ -39,8 +40,8 @@ const MAPPED_EXPERIMENT: Experiment = Experiment::Avoidance;
 const SETS: [&str; 2] = ["hrd", "d"];
 const ENCOUNTERS: [(f64, &str); 2] = [(PI, "head-on"), (0.5 * PI, "crossing from the right")];
 
-/// The human's headings in the world. Half a turn does not change the paper's features, so these
-/// four headings stand for eight.
+/// The human's headings in the world (rad). A rotation by half a turn does not change the paper's
+/// features, so these four headings stand for eight.
 const WORLD_HEADINGS: [f64; 4] = [0.0, 0.25 * PI, 0.5 * PI, 0.75 * PI];
 
 impl DecisionMap {
@@ -82,7 +83,7 @@ pub(super) fn decision_maps(
     Ok(maps)
 }
 
-/// The probabilities in the cells of a map. Empty if there is no such model.
+/// The probabilities in the cells of a map. Empty if there is no model on these features.
 fn probabilities(
     comparison: &Comparison,
     features: &str,
@@ -108,7 +109,7 @@ fn probabilities(
         let each = predictors.iter().flat_map(|of| states.map(|state| turns(of, state)));
         Ok(each.sum::<f64>() / (predictors.len() * states.len()) as f64)
     };
-    // Each cell is summed in the same order, regardless of the number of threads.
+    // The sum of each cell has a fixed order, so the number of threads does not change the result.
     let cells: Vec<usize> = (0..DecisionMap::SIDE * DecisionMap::SIDE).collect();
     parallel_map(&cells, mean)
 }

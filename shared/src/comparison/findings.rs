@@ -14,13 +14,13 @@ use serde::Serialize;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// At least one test has p below 5 % after correction over its whole family.
+    /// At least one test has p < 5 % after correction over its whole family.
     Shown,
-    /// At least one test has p below 5 %, but no test has it after correction.
+    /// At least one test has p < 5 % before correction, but no test has p < 5 % after it.
     Hint,
-    /// No test has p below 5 %.
+    /// No test has p < 5 %, even before correction.
     NotShown,
-    /// In every test, too few participants differ for the test to reject anything.
+    /// In every test, so few participants differ that the test cannot reject anything.
     TooFew,
 }
 
@@ -44,7 +44,7 @@ impl Verdict {
 pub struct Answer {
     /// Strength of the evidence.
     pub verdict: Verdict,
-    /// The gain of each model, experiment I before II. There is at least one gain.
+    /// The gain of each model. Gains in experiment I come first. There is at least one gain.
     pub gains: Vec<Gain>,
     /// The power of the tests.
     pub power: Power,
@@ -58,8 +58,8 @@ impl Answer {
     }
 }
 
-/// Whether safety levels help in addition to distance. The test of the first model
-/// in experiment I is given in full.
+/// Whether safety levels help in addition to distance. The first model's test in experiment I is
+/// included in full.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SafetyOverDistance {
     /// The result of all models and experiments.
@@ -84,9 +84,9 @@ pub struct StartAndEnd {
 /// A driver's results at the longest horizon.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Furthest {
-    /// The word of a model or of a simple driver.
+    /// The driver's name: [`ModelName::word`] or [`Simple::word`].
     pub driver: &'static str,
-    /// The name of its feature set; empty for a simple driver.
+    /// The name of the driver's feature set; empty for a simple driver.
     pub features: &'static str,
     /// Share of correct windows.
     pub accuracy: f64,
@@ -128,15 +128,15 @@ pub struct RolloutFacts {
     pub windows: usize,
     /// The paper's models on B_hrd.
     pub papers: Vec<Furthest>,
-    /// The paper's models against the simple drivers.
+    /// How many of the paper's models beat the simple drivers.
     pub papers_beaten: Beaten,
     /// The models of [`BEYOND`] that were trained.
     pub beyond: Vec<Furthest>,
-    /// These models against the simple drivers.
+    /// How many of these models beat the simple drivers.
     pub beyond_beaten: Beaten,
-    /// Holding the last input.
+    /// The simple driver that holds the last input.
     pub held: Furthest,
-    /// Driving straight on.
+    /// The simple driver that drives straight on.
     pub straight: Furthest,
 }
 
@@ -149,7 +149,7 @@ pub struct CalibrationFacts {
     pub errors: [f64; 2],
 }
 
-/// A model that often chose the largest C of its grid, so a larger C may do better.
+/// A model that often chose the largest C of its grid. A larger C might do better.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct GridEdge {
     /// The model.
@@ -225,7 +225,7 @@ fn of_pair<'a>(tests: &'a [Test], metric: Metric, pair: (&str, &str)) -> (Vec<&'
     let family = tests.iter().filter(|test| test.gain.metric == metric);
     let of_pair = family.clone().filter(|test| (test.first, test.second) == pair);
     let mut of_pair: Vec<&Test> = of_pair.collect();
-    // Experiments are always listed in this order.
+    // Experiment I always comes first.
     of_pair.sort_by_key(|test| test.gain.experiment);
     (of_pair, family.count())
 }
@@ -307,8 +307,8 @@ fn grid_edges(comparison: &Comparison, grids: &Grids) -> Vec<GridEdge> {
         };
         let cells = || comparison.cells.iter().filter(|cell| cell.model == model);
         let (chosen, of) = (cells().filter(chosen).count(), cells().count());
-        // The largest C is reported if more than a fifth of the cells chose it. Among five equally
-        // good values, a fifth would choose it by chance.
+        // The largest C is reported if more than a fifth of the cells chose it. If five values were
+        // equally good, a fifth of the cells would choose it by chance.
         (5 * chosen > of).then_some(GridEdge { model, greatest, chosen, of })
     });
     edges.collect()

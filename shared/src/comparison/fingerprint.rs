@@ -1,4 +1,4 @@
-//! Whether two machines learn and predict identically, bit for bit.
+//! Fingerprints that show whether two machines learn and predict identically, bit for bit.
 
 use super::fit::fit;
 use super::models::{Grids, ModelName};
@@ -14,21 +14,21 @@ use crate::synthetic::{Keys, SyntheticDrive, SyntheticParticipant};
 use core::ops::ControlFlow;
 use sha2::{Digest, Sha256};
 
-/// Numbers of training tasks and of tasks to predict, 50 rows each.
+/// Number of training tasks, and number of tasks to predict. Each task has 50 rows.
 const TASKS: (u64, u64) = (10, 50);
 
 /// Seed of the synthetic participant.
 const SEED: u64 = 20_180_918;
 
-/// SHA-256 of the results of each stage of learning, with the name of the stage. Two machines that
-/// agree on all hashes compute the same features, train the same models of every kind in both
+/// Returns the name of each stage of learning, with the SHA-256 of its results. If two machines
+/// agree on all hashes, they compute the same features, train the same models of every kind in both
 /// experiments, and make the same predictions.
 ///
-/// A synthetic participant drives in two games: in the paper's game, whose safety levels have a
-/// closed form, and in a game of unequal vehicles, whose safety levels are solved and sampled.
+/// A synthetic participant drives in two games. The safety levels of the paper's game have a closed
+/// form. In the other game, the vehicles are unequal, and the safety levels are solved and sampled.
 /// Models are trained with the whole protocol (cross-validation, calibration, refit), on B_hrd and
-/// on the set with history. They then predict 2,500 states after a round trip through
-/// predictor.json.
+/// on the set with history. They are written to predictor.json and read back. Then they predict
+/// 2,500 states.
 ///
 /// # Errors
 /// Never, because games, grids and data are fixed and valid.
@@ -138,7 +138,8 @@ mod tests {
         assert_eq!(found.len(), 2 * (1 + 2 * 5 * 2 + 1));
         let names: HashSet<_> = found.iter().map(|(name, _)| name).collect();
         let hashes: HashSet<_> = found.iter().map(|(_, hash)| hash).collect();
-        // Only the constant predictor's frequencies do not depend on the safety levels.
+        // The frequencies of the constant predictor do not depend on the safety levels, so one hash
+        // repeats.
         assert_eq!((names.len(), hashes.len()), (found.len(), found.len() - 1));
         assert_eq!(found, learning_fingerprints().unwrap());
     }

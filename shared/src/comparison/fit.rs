@@ -1,4 +1,4 @@
-//! The models of one participant on one feature set, with hyper-parameters chosen by
+//! Trains the models of one participant on one feature set. Hyper-parameters are chosen by
 //! cross-validation.
 
 mod svm;
@@ -16,23 +16,23 @@ use crate::math::log2;
 use crate::predict::{Predictor, PredictorFile};
 use serde_json::Value;
 
-/// How one kind of model is trained. Each kind has a file in `fit/`, and a line in
+/// How one kind of model is trained. Each kind has a source file in `fit/`, and a line in
 /// [`ModelName::training`].
 pub(super) trait Training {
-    /// The experiments in which it is trained.
+    /// The experiments in which the model is trained.
     fn experiments(&self) -> &'static [Experiment] {
         &Experiment::ALL
     }
 
-    /// The hyper-parameter values that it tries. Results are stored under a hash of these values.
+    /// The hyper-parameter values to try. Results are cached under a hash that covers these values.
     fn grid(&self, grids: &Grids) -> Value;
 
-    /// The values of its regularisation parameter C in the grid, if it has this parameter.
+    /// The values of the regularisation parameter C in the grid. `None` if the model has no C.
     fn strengths<'a>(&self, _grids: &'a Grids) -> Option<&'a [f64]> {
         None
     }
 
-    /// The best model of each problem.
+    /// Trains the best model of each problem.
     fn fit(&self, problems: &[Problem<'_>], grids: &Grids) -> Result<Vec<Chosen>, Invalid>;
 
     /// Estimated processor time (s) of all fits of this model, for `thousands` × 1000 training rows
@@ -41,7 +41,7 @@ pub(super) trait Training {
 }
 
 impl ModelName {
-    /// How the model is trained; `None` for the better of the two SVMs.
+    /// How the model is trained. `None` for the better of the two SVMs.
     pub(super) fn training(self) -> Option<&'static dyn Training> {
         Some(match self {
             Self::Svm => return None,
@@ -83,19 +83,19 @@ pub fn fit(
     Ok(problems.iter().zip(training.fit(&problems, grids)?).map(cell).collect())
 }
 
-/// Relative time to sort this many thousands of rows.
+/// Relative time for sorting `thousands` × 1000 rows.
 fn sorted(thousands: f64) -> f64 {
     thousands * (1.0 + 0.4 * log2(thousands)).max(0.5)
 }
 
-/// The best setting, and the model trained with it on all training rows.
+/// The best setting, and the model that was trained with it on all training rows.
 pub(super) struct Chosen {
     cv_accuracy: f64,
     hyperparameters: String,
     predictor: Predictor,
 }
 
-/// Training rows, with labels 0, 1, … for the classes that occur.
+/// Training rows. The labels 0, 1, … number the classes that occur.
 struct Rows {
     values: Vec<f64>,
     labels: Vec<usize>,
@@ -103,7 +103,7 @@ struct Rows {
     classes: Vec<i8>,
 }
 
-/// One experiment's labels on one participant's rows.
+/// The rows of one participant with the labels of one experiment.
 pub(super) struct Problem<'a> {
     data: &'a Dataset,
     split: &'a Split,
@@ -143,10 +143,10 @@ impl<'a> Problem<'a> {
         found
     }
 
-    /// The validation accuracy of `count` models: the mean over folds of the accuracy on held-out
-    /// rows. `models` trains the models on the rows outside a fold, and `says` returns the index of the
-    /// class that a model predicts. If the rows outside a fold have only one class, this class is
-    /// predicted.
+    /// The validation accuracy of each of `count` models: the mean over folds of the accuracy on
+    /// held-out rows. `models` trains the models on the rows outside a fold. `says` returns the
+    /// index of the class that a model predicts. If the rows outside a fold have only one class,
+    /// this class is the prediction.
     fn validated<M>(
         &self,
         count: usize,

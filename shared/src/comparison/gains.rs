@@ -1,5 +1,5 @@
 //! How much better one feature set is than another for each participant, and how strong the
-//! evidence is: the paper's tests, further families of tests, and the ablation.
+//! evidence for this is: the paper's tests, further families of tests, and the ablation.
 
 use super::cell::Experiment;
 use super::models::ModelName;
@@ -12,22 +12,23 @@ use serde::Serialize;
 pub use super::power::Power;
 pub use crate::stats::rank::LEVEL;
 
-/// How much better the first of two lists is. Each list has one number per participant.
+/// How much better the first of two lists is than the second. Each list has one number per
+/// participant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Paired {
     /// The gain of each participant, in order. It is positive if the first list is better.
     pub gains: Vec<f64>,
     /// Mean over participants.
     pub mean: f64,
-    /// The number of participants with a gain or a loss. The paired test, the typical gain, its
-    /// interval and the effect size ignore the other participants, who do equally well with both
-    /// lists.
+    /// The number of participants with a gain or a loss. The other participants do equally well
+    /// with both lists. The paired test, the typical gain, its interval and the effect size ignore
+    /// them.
     pub differing: usize,
-    /// The typical gain (Hodges–Lehmann estimate), which the paired test concerns.
+    /// The typical gain (Hodges–Lehmann estimate), which belongs to the paired test.
     pub typical: f64,
-    /// All typical gains that the paired test does not reject at 5 %. `None` if too few
-    /// participants differ for any rejection. The interval always contains [`Self::typical`], and
-    /// it contains 0 if and only if the test does not reject.
+    /// The interval of all typical gains that the paired test does not reject at 5 %. `None` if too
+    /// few participants differ for the test to reject anything. The interval always contains
+    /// [`Self::typical`]. It contains 0 if and only if the test does not reject.
     pub interval: Option<[f64; 2]>,
     /// Two-sided p-value of Wilcoxon's signed-rank test.
     pub p: f64,
@@ -35,8 +36,8 @@ pub struct Paired {
     pub rank_biserial: f64,
     /// Number of participants with a gain.
     pub better: usize,
-    /// Whether p is below [`LEVEL`] but the mean and the test have opposite signs. Large changes of
-    /// a few participants can cause this.
+    /// Whether p is below [`LEVEL`], but the mean and the effect size have opposite signs. Large
+    /// changes of a few participants can cause this.
     pub contrary: bool,
 }
 
@@ -65,7 +66,7 @@ impl Paired {
         })
     }
 
-    /// The test's conclusion for this p-value, raw or corrected.
+    /// The test's conclusion for this p-value, which is either raw or corrected.
     fn direction(&self, p: f64) -> Direction {
         match is_shown(p) {
             true if self.rank_biserial > 0.0 => Direction::Better,
@@ -128,8 +129,8 @@ pub struct GainFamily {
 }
 
 impl GainFamily {
-    /// The gains in accuracy of `first` over `second`. `accuracies` returns each participant's
-    /// accuracy by model, experiment and set.
+    /// The gains in accuracy of `first` over `second`. `accuracies` returns the accuracy of each
+    /// participant for a model, an experiment and a set.
     ///
     /// # Errors
     /// [`Invalid`] if there is no participant.
@@ -150,15 +151,15 @@ impl GainFamily {
     }
 }
 
-/// How two feature sets differ for one model, experiment and metric.
+/// The tests of two feature sets for one model, experiment and metric.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Test {
     /// The set that may be better.
     pub first: &'static str,
     /// The reference set.
     pub second: &'static str,
-    /// The gain with the paired test over participants, which fits this design. Holm's correction
-    /// covers all tests of the metric.
+    /// The gain, with the paired test over participants. The paired test fits the design of the
+    /// study. Holm's correction covers all tests of the metric.
     pub gain: Gain,
     /// p-value of the Mann–Whitney test over participants.
     pub mann_whitney_persons: f64,
@@ -171,8 +172,9 @@ pub struct Test {
     pub mann_whitney_trajectories_holm: f64,
 }
 
-/// The pairs of sets in the paper's claims: each set with a safety level against distance alone,
-/// both levels with distance against both levels alone, and one level against the other.
+/// The pairs of sets in the paper's claims. They test each set that has a safety level against
+/// distance alone, both levels and distance against both levels alone, and one level against the
+/// other.
 pub const PAIRS: [(&str, &str); 8] = [
     ("hrd", "d"),
     ("hr", "d"),
@@ -184,8 +186,8 @@ pub const PAIRS: [(&str, &str); 8] = [
     ("h", "r"),
 ];
 
-/// Tests of every model, experiment, metric and pair of [`PAIRS`]. The correction covers all tests
-/// of one metric.
+/// Tests each pair of [`PAIRS`] for every model, experiment and metric. The correction covers all
+/// tests of one metric.
 ///
 /// # Errors
 /// [`Invalid`] if there is no participant.
@@ -233,8 +235,8 @@ pub fn papers_tests(comparison: &Comparison) -> Result<Vec<Test>, Invalid> {
     Ok(tests)
 }
 
-/// The paired test of `first` over `second`. Its mean is the difference of the two means, so that
-/// it agrees with the means in tables.
+/// The paired test of `first` over `second`. Its mean is computed as the difference of the two
+/// means, so that it agrees with the means in tables.
 fn paired(first: &[f64], second: &[f64]) -> Result<Paired, Invalid> {
     let [one, other] = [first, second].map(|of| mean(of.iter().copied()));
     Ok(Paired { mean: untied(one - other), ..Paired::of(first, second)? })
@@ -245,7 +247,8 @@ fn untied(mean: f64) -> f64 {
     if mean.abs() > TIE { mean } else { 0.0 }
 }
 
-/// A model on a feature set, compared with the same model on B_d; or the baseline.
+/// A row of the ablation: the baseline, or a model on a feature set compared with its result on
+/// B_d.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ablation {
     /// The model; `None` for the baseline.
@@ -260,15 +263,15 @@ pub struct Ablation {
     pub balanced: f64,
     /// Log loss over all test rows (nats).
     pub log_loss: f64,
-    /// Gain in accuracy over the same model on B_d (percentage points), with its paired p-value
-    /// over participants. `None` for the baseline and for B_d itself.
+    /// Gain in accuracy over the same model on B_d (percentage points), and its paired p-value over
+    /// participants. `None` for the baseline and for B_d itself.
     pub over_d: Option<(f64, f64)>,
 }
 
-/// The rows of the ablation. The baseline comes first. For each of the paper's models and each
-/// experiment, the rows of these feature sets follow: B_d and B_hrd, each without and with the robot's
-/// position in the human's body frame, and every added set.
-/// `accuracies` and `balanced` return each participant's accuracy by model, experiment and set.
+/// The rows of the ablation. The baseline comes first. Then there is a row for each of the paper's
+/// models, each experiment and each of these feature sets: B_d and B_hrd, each without and with the
+/// robot's position in the human's body frame, and every added set. `accuracies` and `balanced`
+/// return the accuracies of each participant for a model, an experiment and a set.
 ///
 /// # Errors
 /// [`Invalid`] if there is no participant.
@@ -314,7 +317,7 @@ mod tests {
     use super::*;
     use crate::stats::rank::wilcoxon;
 
-    /// With six participants none of the 21 pairwise means can be excluded, so the interval is the
+    /// With six participants, none of the 21 pairwise means can be excluded, so the interval is the
     /// range of the gains.
     #[test]
     fn with_six_participants_the_interval_is_the_range() {
@@ -351,7 +354,7 @@ mod tests {
         }
     }
 
-    /// 18 of 24 people do equally well with both sets; all others gain: p = 2/2⁶.
+    /// 18 of 24 people do equally well with both sets. The other six gain, so p = 2/2⁶.
     #[test]
     fn the_direction_is_that_of_the_test() {
         let gains: Vec<f64> =

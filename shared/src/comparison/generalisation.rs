@@ -18,11 +18,10 @@ pub struct LearningPoint {
     pub experiment: Experiment,
     /// The name of the feature set.
     pub features: String,
-    /// The number of training tasks. For the point with all tasks, this is the mean over
-    /// participants.
+    /// The number of training tasks. At the point with all tasks, it is the mean over participants.
     pub tasks: f64,
-    /// The number of participants in the means. Others have fewer tasks, or their first tasks do
-    /// not contain both turning and driving straight on.
+    /// The number of participants in the means. The other participants have fewer tasks, or their
+    /// first tasks do not contain both turns and straight driving.
     pub people: usize,
     /// Mean test accuracy, in per cent.
     pub accuracy: f64,
@@ -63,7 +62,7 @@ impl LearningPoint {
                 }
             }
         }
-        // A single point, for all tasks, is not a curve.
+        // A single point, the one with all tasks, is not a curve.
         if few.is_empty() {
             return Vec::new();
         }
@@ -83,10 +82,10 @@ pub struct Unseen {
     pub mean: f64,
     /// The mean test accuracy of each person's own model, in per cent.
     pub own_mean: f64,
-    /// The mean balanced accuracy of the models trained on others, in per cent.
+    /// The mean balanced accuracy of the models trained on other people, in per cent.
     pub balanced: f64,
-    /// The gain of each person's own model over the model trained on other people, in percentage points
-    /// of accuracy on the same test tasks.
+    /// The gain of each person's own model over the model trained on other people. It is in
+    /// percentage points of accuracy on the same test tasks.
     pub own: Gain,
 }
 

@@ -1,5 +1,5 @@
-//! The accuracy that a model loses when one of its features carries no information (permutation
-//! importance: Breiman, Machine Learning 45, 2001; for any model: Fisher, Rudin and Dominici, JMLR
+//! Permutation importance: the accuracy that a model loses when the values of a feature are
+//! permuted (Breiman, Machine Learning 45, 2001; for any model: Fisher, Rudin and Dominici, JMLR
 //! 20, 2019).
 
 use super::cell::{Cell, Experiment};
@@ -20,14 +20,14 @@ const SETS: [&str; 2] = ["hrd", "hrd_body"];
 /// Number of permutations of each feature.
 const TIMES: usize = 5;
 
-/// These features carry the same information, so they are permuted together. Otherwise, one would
-/// reveal the others.
+/// These features carry the same information, so they are permuted together. Otherwise, the
+/// unpermuted ones would reveal the permuted one.
 const TOGETHER: [&str; 3] = ["dpsi", "cos_dpsi", "sin_dpsi"];
 
-/// An arbitrary seed. It is fixed, so that the same data give the same permutations.
+/// An arbitrary but fixed seed, so that the same data give the same permutations.
 const SEED: u64 = 20_010_801;
 
-/// The loss of accuracy if a feature is permuted.
+/// The loss of accuracy when a feature, or a group of features, is permuted.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Importance {
     /// The model.
@@ -38,17 +38,17 @@ pub struct Importance {
     pub features: String,
     /// The permuted features, joined by `+`.
     pub permuted: String,
-    /// For each participant, the loss of test accuracy (percentage points) when the features'
-    /// values are permuted between test rows. It is a mean over several permutations.
+    /// For each participant, the loss of test accuracy (percentage points) when the values of the
+    /// features are permuted among the test rows. It is a mean over several permutations.
     pub losses: Vec<f64>,
     /// Mean over participants.
     pub mean: f64,
 }
 
-/// Importance for the paper's models in both experiments.
+/// Computes the importance of features for the paper's models in both experiments.
 ///
 /// # Errors
-/// [`Invalid`] for a cell whose predictor cannot be read.
+/// [`Invalid`] if the predictor of a cell cannot be read.
 pub(super) fn importance(
     people: &[&ParticipantData],
     comparison: &Comparison,

@@ -26,11 +26,13 @@ pub struct Calibration {
     /// to at least 10⁻¹⁵.
     pub log_loss: f64,
     /// Brier's score (Monthly Weather Review 78, 1950): the mean over rows of the sum over classes
-    /// of (probability − truth)², where truth is 1 for the true class and 0 otherwise; from 0 to 2.
+    /// of (probability − truth)². The truth is 1 for the true class and 0 for the other classes.
+    /// The score ranges from 0 to 2.
     pub brier: f64,
     /// Expected calibration error. Rows are put into ten bins by their highest probability. The
-    /// error is the mean over bins, weighted by rows, of the absolute difference between the mean
-    /// of these probabilities and the share of rows whose likeliest class was correct.
+    /// error of a bin is the absolute difference between the mean of these probabilities and the
+    /// share of rows whose likeliest class is correct. The result is the mean over bins, weighted
+    /// by the number of rows.
     pub calibration_error: f64,
 }
 
@@ -41,7 +43,7 @@ pub struct Bin {
     pub rows: usize,
     /// Sum of the highest probability of each row.
     pub confidence: f64,
-    /// The number of rows in which the likeliest class was correct.
+    /// The number of rows whose likeliest class is correct.
     pub right: usize,
 }
 
@@ -80,8 +82,8 @@ impl Predictions {
     }
 
     /// The mean recall over the classes that occur, from 0 to 1; 0 if there are no rows. A model
-    /// that always predicts one class has one half if two classes occur and a third if three occur,
-    /// however common the class is.
+    /// that always predicts the same class reaches one half if two classes occur and one third if
+    /// three occur, however common this class is.
     #[must_use]
     pub fn balanced_accuracy(&self) -> f64 {
         let confusion = self.confusion();
@@ -121,7 +123,7 @@ impl Predictions {
         }
     }
 
-    /// Concatenates predictions.
+    /// Concatenates predictions. A class that a part does not know has probability 0 there.
     #[must_use]
     pub fn together<'a>(classes: &[i8], parts: impl IntoIterator<Item = &'a Self>) -> Self {
         let mut all = Self {
@@ -164,7 +166,7 @@ impl Predictions {
         Calibration { rows, log_loss: loss / n, brier: brier / n, calibration_error }
     }
 
-    /// The calibration curve. Rows are put into ten equal bins of (0, 1] by their highest
+    /// The calibration curve. Rows are put into ten equally wide bins of (0, 1] by their highest
     /// probability.
     #[must_use]
     pub fn bins(&self) -> [Bin; BINS] {
@@ -201,8 +203,8 @@ pub struct Avoidance {
 }
 
 impl Avoidance {
-    /// The avoidance in one trajectory. `avoids` yields, for each step, whether the human or model
-    /// avoids.
+    /// The avoidance in one trajectory. `avoids` yields, for each step, whether the human or the
+    /// model avoids.
     #[must_use]
     pub fn of(avoids: impl Iterator<Item = bool>) -> Self {
         let mut steps = avoids.enumerate().filter_map(|(step, avoids)| avoids.then_some(step));
@@ -214,12 +216,12 @@ impl Avoidance {
 /// The error of the model's first or last step of avoidance, in steps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Distance {
-    /// Mean over all trajectories. Without avoidance, the first step counts as one step past the
-    /// end of the trajectory, and the last step as −1.
+    /// Mean over all trajectories. If there is no avoidance, the first step counts as one step past
+    /// the end of the trajectory, and the last step counts as −1.
     pub penalised: f64,
     /// Mean over the trajectories in which both the human and the model avoid; `None` if there are
-    /// none. Report it with the number of these trajectories, because alone it rewards a model that
-    /// never predicts avoidance.
+    /// none. Report it together with the number of these trajectories. Alone, it rewards a model
+    /// that never predicts avoidance.
     pub both: Option<f64>,
 }
 

@@ -12,7 +12,7 @@ use serde_json::Value;
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum ModelName {
-    /// The one of the two SVMs below that did better in cross-validation. A tie goes to the first.
+    /// Whichever of the two SVMs below is more accurate in cross-validation. On a tie, the first.
     Svm,
     /// Support vector machine with radial basis functions.
     SvmRbf,
@@ -22,11 +22,11 @@ pub enum ModelName {
     Dt,
     /// Multinomial logistic regression.
     Lr,
-    /// Gradient-boosted trees, which are beyond the paper and evaluated by roll-outs only.
+    /// Gradient-boosted trees, which are not in the paper. They are evaluated by roll-outs only.
     Boosted,
 }
 
-/// A row of the table: the names of a model, and its look in charts.
+/// A row of the table: the names of a model, and its colour and mark in charts.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct ModelRow {
     /// Name in files, as Serde writes it.
@@ -37,13 +37,13 @@ pub struct ModelRow {
     pub label: &'static str,
     /// Name in sentences.
     pub full: &'static str,
-    /// Its hyper-parameters in words. `{name}` stands for the values of the field `name` of
-    /// [`Grids`].
+    /// The model's hyper-parameters in words. `{name}` is a placeholder for the values of the field
+    /// `name` of [`Grids`].
     pub grid: &'static str,
-    /// Index of its colour among the colours of a chart's series.
+    /// Index of the model's colour among the colours of a chart's series.
     #[serde(skip)]
     pub colour: usize,
-    /// Its mark in charts.
+    /// The model's mark in charts.
     #[serde(skip)]
     pub mark: Mark,
 }
@@ -118,7 +118,7 @@ impl ModelName {
     /// The three models of the paper's tables.
     pub const PAPERS: [Self; 3] = [Self::Svm, Self::Dt, Self::Lr];
 
-    /// The trained models behind the paper's tables.
+    /// The models that are trained for the paper's tables.
     pub const TRAINED: [Self; 4] = [Self::SvmRbf, Self::SvmLinear, Self::Dt, Self::Lr];
 
     /// Its row of the table.
@@ -133,7 +133,7 @@ impl ModelName {
         self.row().word
     }
 
-    /// The model with this name in files.
+    /// Returns the model that has this name in files.
     #[must_use]
     pub fn of_word(word: &str) -> Option<Self> {
         Self::EVERY.into_iter().find(|model| model.word() == word)
@@ -149,12 +149,12 @@ pub struct Beyond {
     pub features: &'static str,
     /// Its name in the report.
     pub words: &'static str,
-    /// Colour and mark of its dashed curve, if the model's own colour and mark already belong to
-    /// another curve.
+    /// Colour and mark of the model's dashed curve. Set only if another curve already has the
+    /// model's own colour and mark.
     pub look: Option<(usize, Mark)>,
 }
 
-/// Models with the body frame, and with a memory of earlier inputs.
+/// Models that use the body frame, and models that also use earlier inputs.
 pub const BEYOND: [Beyond; 4] = {
     let body = BODY_FRAME_SETS[0].0;
     const fn row(model: ModelName, features: &'static str, words: &'static str) -> Beyond {
@@ -171,22 +171,22 @@ pub const BEYOND: [Beyond; 4] = {
     ]
 };
 
-/// Models of learning curves, which also learn from fewer tasks.
+/// Models of learning curves. They are also trained on fewer tasks.
 pub const CURVE_MODELS: [ModelName; 3] = [ModelName::SvmRbf, ModelName::Dt, ModelName::Lr];
 
-/// Models that are also trained on other people, without SVMs, whose training time grows with the
-/// square of the number of rows.
+/// Models that are also trained on other people. SVMs are excluded, because their training time
+/// grows with the square of the number of rows.
 pub const UNSEEN_MODELS: [ModelName; 2] = [ModelName::Dt, ModelName::Lr];
 
-/// The hyper-parameters to try. On a tie, the first setting in their order is chosen: by C before
-/// γ, and by depth before leaf size.
+/// The hyper-parameters to try. Settings are ordered by C, then γ, or by depth, then leaf size. On
+/// a tie, the first setting is chosen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct Grids {
     /// C of SVMs with radial basis functions.
     pub rbf_c: Vec<f64>,
-    /// γ of these SVMs, per squared unit of standardised features.
+    /// γ of SVMs with radial basis functions, per squared unit of standardised features.
     pub rbf_gamma: Vec<f64>,
     /// C of linear SVMs.
     pub linear_c: Vec<f64>,
@@ -196,7 +196,7 @@ pub struct Grids {
     pub tree_leaf: Vec<usize>,
     /// C of logistic regression.
     pub logistic_c: Vec<f64>,
-    /// Depth of boosted trees. Their number is chosen by the log loss on held-out rows.
+    /// Depth of boosted trees. The number of trees is chosen by the log loss on held-out rows.
     pub boosted_depth: Vec<usize>,
 }
 
@@ -219,9 +219,9 @@ impl Default for Grids {
 enum Rule {
     /// From 10⁻⁴ to 10³.
     Strength,
-    /// Whole numbers from 1 to this.
+    /// Whole numbers from 1 to this maximum.
     UpTo(u64),
-    /// Whole numbers from 1 to this, in ascending order.
+    /// Whole numbers from 1 to this maximum, in ascending order.
     Rising(u64),
 }
 
@@ -250,7 +250,7 @@ impl Grids {
         values
     }
 
-    /// These grids, but with the protocol's values of `name`.
+    /// A copy of these grids in which `name` has the protocol's values.
     #[must_use]
     pub fn with_protocols(&self, name: &str) -> Self {
         let mut values = self.values();
@@ -262,8 +262,8 @@ impl Grids {
     /// Checks every value.
     ///
     /// # Errors
-    /// [`Invalid`] naming the hyper-parameter that has no value, too many values, a repeated value,
-    /// or one out of range or order.
+    /// [`Invalid`] with the name of the hyper-parameter that has no value, too many values, a
+    /// repeated value, a value out of range, or values out of order.
     pub(super) fn check(&self) -> Result<(), Invalid> {
         let all = self.values();
         for (name, rule) in &RULES {

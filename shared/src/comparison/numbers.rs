@@ -37,10 +37,10 @@ pub struct Analysis {
     pub comparison: Comparison,
     /// The paper's tests of differences between feature sets.
     pub tests: Vec<Test>,
-    /// Families of tests beyond the paper's: the body frame over the safety levels, the safety
-    /// levels in addition to the body frame, and B_hrd over the commonest input.
+    /// Families of tests beyond the paper's. They test the body frame against the safety levels,
+    /// both together against the body frame alone, and B_hrd against the commonest input.
     pub families: [GainFamily; 3],
-    /// The ablation: the baseline, and the gain from a body frame.
+    /// The ablation: the baseline, and models on sets with and without the body frame.
     pub ablation: Vec<Ablation>,
     /// The pooled test rows of all participants, for the baseline and each cell of the tables.
     pub pooled: Vec<Pooled>,
@@ -54,11 +54,11 @@ pub struct Analysis {
     pub learning: Vec<LearningPoint>,
     /// Accuracy on people whose data the models have not seen.
     pub unseen: Vec<Unseen>,
-    /// Loss of accuracy without each feature.
+    /// Loss of accuracy when each feature is permuted.
     pub importance: Vec<Importance>,
-    /// The models' decisions: a map for each feature set and relative heading.
+    /// Maps of the models' decisions, one for each feature set and relative heading.
     pub maps: Vec<DecisionMap>,
-    /// Findings that a report puts into words.
+    /// The findings that a report puts into words.
     pub findings: Findings,
 }
 
@@ -69,18 +69,18 @@ pub struct DataSummary {
     pub trials: usize,
     /// The vehicles, steps and danger radius of these tasks.
     pub scene: SceneParameters,
-    /// Evidence that the data are synthetic, if any.
+    /// Evidence that the data are synthetic, if there is any.
     pub synthetic: Option<String>,
     /// Whether some of the compared participants are known to be synthetic and others are not.
     pub is_mixed: bool,
     /// The excluded participants.
     pub exclusions: Vec<Exclusion>,
-    /// Number of compared trials with each flag that casts doubt on them, by the flag's word.
+    /// Number of compared trials with each flag, by the flag's word. A flag marks a doubtful trial.
     pub flagged: BTreeMap<String, usize>,
-    /// The compared participants whose trials are identical to another participant's. Such participants
-    /// may be one person under several names, and this person would count several times.
+    /// The compared participants whose trials are identical to the trials of another participant.
+    /// They may be one person under several names, who would then count several times.
     pub same_trials: Vec<String>,
-    /// The compared participants who have copies of one of their own trials.
+    /// The compared participants with copies among their own trials.
     pub copied_trials: Vec<CopiedTrials>,
     /// SHA-256 of the compared trials, in hexadecimal. Two analyses with the same hash used the
     /// same data.
@@ -88,7 +88,7 @@ pub struct DataSummary {
     /// Start times of the first and the last compared trial (ms since 1970, on the participants'
     /// clocks). `None` if the data do not record them.
     pub driven_at_ms: Option<[f64; 2]>,
-    /// Quality of both safety levels over the compared steps; `None` if unknown.
+    /// Quality of both safety levels over the compared steps. `None` if it is unknown.
     pub safety: Option<SafetyQuality>,
 }
 
@@ -101,12 +101,12 @@ pub struct Counts {
     pub test_trials: usize,
     /// Number of steps in these tasks.
     pub test_steps: usize,
-    /// Number of trained models. The better SVM is not counted again.
+    /// Number of trained models. The better of the two SVMs is not counted a second time.
     pub models: usize,
 }
 
-/// Compares the participants of a recording, whose trials must be tasks. Features in `given`
-/// replace the computed features. Participants with unusable data are excluded.
+/// Compares the participants of a recording. All trials of the recording must be tasks. Features in
+/// `given` replace the computed features. Participants with unusable data are excluded.
 ///
 /// # Errors
 /// [`AnalysisError`] if no participant is left, or if `progress` cancels.
@@ -162,8 +162,8 @@ pub fn analyse(
 }
 
 impl Analysis {
-    /// Computes everything else from `results`, `behaviour` and `maps`, which the caller computed
-    /// from `data` with `settings`. The exclusions are taken from `data`.
+    /// Computes the rest of an analysis from `results`, `behaviour` and `maps`. The caller must
+    /// have computed these from `data` with `settings`. The exclusions are taken from `data`.
     ///
     /// # Errors
     /// [`Invalid`] if there is no participant.
@@ -246,8 +246,8 @@ impl Analysis {
         self.pooled.iter().find(|of| of.is(model, experiment, set))
     }
 
-    /// The gains in accuracy of one feature set over another, experiment I before II. Empty if the
-    /// two sets are not compared.
+    /// The gains in accuracy of the set `first` over the set `second`. Gains in experiment I come
+    /// first. Empty if the two sets are not compared.
     #[must_use]
     pub fn gains(&self, first: &str, second: &str) -> Vec<&Gain> {
         let is = |a: &str, b: &str| (a, b) == (first, second);
@@ -273,8 +273,8 @@ fn baseline_accuracies(baselines: &[Baseline], experiment: Experiment) -> Vec<f6
     own.map(|baseline| 100.0 * baseline.test.accuracy()).collect()
 }
 
-/// Pools all participants' test rows: the baseline first, then each model, experiment and feature
-/// set.
+/// Pools all participants' test rows, first for the baseline, then for each model, experiment and
+/// feature set.
 fn pooled(comparison: &Comparison, baselines: &[Baseline]) -> Vec<Pooled> {
     let mut pooled = Vec::new();
     for experiment in Experiment::ALL {
@@ -295,7 +295,7 @@ fn pooled(comparison: &Comparison, baselines: &[Baseline]) -> Vec<Pooled> {
     pooled
 }
 
-/// Hash of these participants' trials. The participants are sorted by name.
+/// Hash of the trials of these participants, who are sorted by name.
 fn hash(participants: &[&RecordedParticipant]) -> String {
     let mut hash = Sha256::new();
     for participant in participants {
@@ -315,7 +315,8 @@ fn hash(participants: &[&RecordedParticipant]) -> String {
     hex::encode(hash.finalize())
 }
 
-/// Start times of the first and last of these participants' trials, ignoring implausible clocks.
+/// Start times of the first and the last trial of these participants. Implausible times are
+/// ignored.
 fn driven_at_ms(participants: &[&RecordedParticipant]) -> Option<[f64; 2]> {
     let trials = participants.iter().flat_map(|participant| &participant.trials);
     let told = || trials.clone().filter_map(|trial| trial.started_at_ms);
@@ -323,7 +324,7 @@ fn driven_at_ms(participants: &[&RecordedParticipant]) -> Option<[f64; 2]> {
     Some([started().reduce(f64::min)?, started().reduce(f64::max)?])
 }
 
-/// Quality of both safety levels over these participants' steps.
+/// Quality of both safety levels over the steps of these participants.
 fn quality(people: &[ParticipantData], safety: &SafetyLevels) -> SafetyQuality {
     let levels = |name: &str| -> Vec<f64> {
         let column = |person: &ParticipantData| {

@@ -52,8 +52,8 @@ impl DataError {
 }
 
 impl ParticipantData {
-    /// Prepares the trials of `recorded`, which must be tasks. Features in `given` replace the
-    /// computed features.
+    /// Prepares the trials of `recorded`, all of which must be tasks. Features in `given` replace
+    /// the computed features.
     ///
     /// # Errors
     /// [`DataError`] if a trial is invalid, or if features do not match the trials.
@@ -97,7 +97,7 @@ impl ParticipantData {
         Exclusion { first_line: self.line, ..Exclusion::new(&self.name, reason) }
     }
 
-    /// Why no model can be trained on these tasks; `None` if models can be trained.
+    /// The reason why no model can be trained on these tasks. `None` if models can be trained.
     fn reason_against(&self, split: &Split) -> Option<String> {
         let tasks = self.trajectories.len();
         if tasks < LEAST_TASKS {
@@ -114,7 +114,7 @@ impl ParticipantData {
     }
 }
 
-/// Sort key of names: first numbers by value, then other names.
+/// Sort key for names. Numbers come first, sorted by value. The other names follow.
 pub(super) fn order(name: &str) -> (bool, Option<u64>, &str) {
     let number = name.parse().ok();
     (number.is_none(), number, name)
@@ -126,7 +126,7 @@ pub(super) struct Plan<'a> {
     pub(super) participants: Vec<Planned<'a>>,
     /// The fits: first the models trained on other people, then the fits of each participant.
     pub(super) fits: Vec<Fit<'a>>,
-    /// The data that train and test the models of [`Purpose::Unseen`].
+    /// The data for training and testing the models of [`Purpose::Unseen`].
     pub(super) everybody: Option<Everybody>,
     /// The participants with unusable data.
     pub(super) exclusions: Vec<Exclusion>,
@@ -137,7 +137,7 @@ pub(super) struct Planned<'a> {
     pub(super) data: &'a ParticipantData,
     /// The split by whole trials.
     pub(super) split: Split,
-    /// The split by single steps, which shows the leakage.
+    /// The split by time step, which demonstrates leakage.
     leaking: Split,
 }
 
@@ -155,11 +155,11 @@ pub(super) struct Fit<'a> {
 pub(super) enum Purpose {
     /// A fit for the tables.
     Tables,
-    /// A fit for roll-outs only, of a model beyond the paper.
+    /// A fit of a model beyond the paper, for roll-outs only.
     Rollouts,
-    /// A fit that shows the leakage of a split by time step.
+    /// A fit that demonstrates the leakage of a split by time step.
     Leakage,
-    /// A fit for learning curves. It is trained on only this number of first tasks.
+    /// A fit for learning curves. It is trained on only this many first tasks.
     Learning(usize),
     /// A fit for predictions of unseen people. It is trained on the tasks of all groups but one,
     /// and tested on the remaining group.
@@ -172,13 +172,13 @@ pub(super) const FIRST_TASKS: [usize; 3] = [5, 10, 20];
 /// The feature sets of models that are trained on fewer tasks or on other people.
 pub(super) const COMPARED_SETS: [&str; 3] = ["hrd", "d", "hrd_body"];
 
-/// Maximum number of groups of people. If there are more people, some groups have several people.
+/// Maximum number of groups of people. With more people than this, some groups have several people.
 pub(super) const MOST_GROUPS: usize = 20;
 
 /// The rows of all participants of a plan, concatenated.
 pub(super) struct Everybody {
     data: Dataset,
-    /// For each group: the other groups' rows are for training, the group's test tasks for testing.
+    /// For each group, a split: train on the other groups' rows, test on the group's test tasks.
     splits: Vec<Split>,
 }
 
@@ -211,7 +211,7 @@ impl Everybody {
                 }
                 let rows = of.data.data.labels.len();
                 split.training.extend(*offset..offset + rows);
-                // If there are enough people, each fold holds out whole people.
+                // If there are enough people, whole people are assigned to folds.
                 let fold = |row: usize| match participants.len() > FOLDS {
                     true => others % FOLDS,
                     false => fold_of(of.data.data.trials[row]),

@@ -1,4 +1,5 @@
-//! What a number of participants can show: the power of the paired test.
+//! The power of the paired test, which shows what can be learned from a given number of
+//! participants.
 
 use crate::stats::power::PowerCurve;
 use crate::stats::rank::is_shown;
@@ -19,20 +20,23 @@ pub struct Power {
     /// The smallest number of participants for which [`Self::least_p_after_holm`] is below
     /// [`LEVEL`](crate::stats::rank::LEVEL). This is a lower bound, not a sufficient number.
     pub needed: usize,
-    /// The probability that one test with these participants shows an effect of [`Self::EFFECT`].
+    /// The probability that a single test with these participants shows an effect of
+    /// [`Self::EFFECT`].
     pub shown: f64,
-    /// The same probability after Holm's correction, if no other test of the family shows anything.
+    /// The same probability after Holm's correction, if no other test of the family shows an
+    /// effect.
     pub shown_after_holm: f64,
     /// [`Self::shown_after_holm`] for [`Self::needed`] participants.
     pub needed_shown: f64,
-    /// The smallest number of participants with which the corrected test shows the effect with
-    /// probability at least [`Self::AIM`]. `None` if this number is larger than [`Self::MOST`].
+    /// The smallest number of participants for which the corrected test shows the effect with a
+    /// probability of at least [`Self::AIM`]. `None` if this number is larger than [`Self::MOST`].
     pub enough: Option<usize>,
 }
 
 impl Power {
-    /// The effect size of the power statements: d_z, the mean gain over the standard deviation of
-    /// gains. Cohen calls 0.8 large (Statistical Power Analysis for the Behavioral Sciences, 1988).
+    /// The effect size d_z for which power is computed: the mean gain divided by the standard
+    /// deviation of the gains. Cohen calls 0.8 large (Statistical Power Analysis for the Behavioral
+    /// Sciences, 1988).
     pub const EFFECT: f64 = 0.8;
     /// The power that studies commonly aim for.
     pub const AIM: f64 = 0.8;
@@ -60,7 +64,7 @@ impl Power {
         }
     }
 
-    /// Whether no paired test with this number of participants can show anything.
+    /// Whether there are too few participants for any paired test to show an effect.
     #[must_use]
     pub fn is_too_low(&self) -> bool {
         !is_shown(self.least_p)
@@ -80,14 +84,15 @@ mod tests {
         assert!(Power::of(11, 48).least_p_after_holm < LEVEL);
     }
 
-    /// All eleven must gain, with probability Φ(0.8)¹¹ = 0.073. Eleven can show an effect, but
-    /// rarely do.
+    /// The test shows an effect only if all eleven participants gain. The probability of this is
+    /// Φ(0.8)¹¹ = 0.073, so eleven participants can show an effect but rarely do.
     #[test]
     fn eleven_people_are_not_enough() {
         let eleven = Power::of(11, 48);
         assert!((eleven.shown_after_holm - 0.073).abs() < 0.01, "{eleven:?}");
         assert_eq!(eleven.needed_shown, eleven.shown_after_holm);
-        // An independent simulation gave 0.61 in one test, and 0.75 for 30 people after Holm.
+        // An independent simulation gave 0.61 for one test, and 0.75 for 30 people after Holm's
+        // correction.
         assert!((eleven.shown - 0.61).abs() < 0.03, "{eleven:?}");
         assert!((Power::of(30, 48).shown_after_holm - 0.75).abs() < 0.03);
         assert!(eleven.enough.is_some_and(|enough| enough > 30), "{eleven:?}");

@@ -1,10 +1,10 @@
-//! Roll-outs: predictions several steps ahead, each based on the earlier predictions.
+//! Roll-outs: predictions several steps ahead, where each step builds on the earlier predictions.
 //!
 //! Next-step accuracy overrates a predictor that knows the last input. Keys are held for many
-//! steps, so repeating the last input is nearly always right, but does not predict when the human
-//! starts or stops avoiding. Here a predictor sees the trajectory up to some step, and from then on
-//! only its own predictions: the human drives on with the most likely action, and the robot
-//! straight on.
+//! steps, so repeating the last input is nearly always correct, but it does not predict when the
+//! human starts or stops avoiding. In a roll-out, a predictor sees the true trajectory up to some
+//! step. After this step, it sees only its own predictions: the human takes the most likely action,
+//! and the robot drives straight on.
 
 use super::metrics::highest;
 use crate::bounds::{ActionModel, Motion};
@@ -22,12 +22,12 @@ pub struct Horizon {
     pub windows: usize,
     /// Number of windows in which the most likely action was the human's action.
     pub right: usize,
-    /// Sum over windows of −ln of the probability of the human's action (nats). Probabilities are
-    /// at least 10⁻¹⁵. This is the probability at the end of the driver's likeliest path. It is not
-    /// the probability of the step `h` ahead, which would be a mean over all paths.
+    /// Sum over windows of −ln P (nats), where P is the probability of the human's action, raised
+    /// to at least 10⁻¹⁵. P is the probability at the end of the driver's likeliest path. It is not
+    /// the marginal probability `h` steps ahead, which would be a mean over all paths.
     pub log_loss: f64,
-    /// Sum over windows of the distance between the predicted and the true position after the step
-    /// (m).
+    /// Sum over windows of the distance (m) between the predicted and the true position after the
+    /// step.
     pub distance_m: f64,
 }
 
@@ -50,7 +50,7 @@ impl Horizon {
         self.distance_m / self.windows.max(1) as f64
     }
 
-    /// The skill over `other`, which was evaluated on the same windows.
+    /// The skill relative to `other`, which must be evaluated on the same windows.
     #[must_use]
     pub fn over(&self, other: &Self) -> Skill {
         Skill {
@@ -70,17 +70,18 @@ impl Horizon {
 /// How much better one driver is than another on the same target steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Skill {
-    /// Gain in accuracy (percentage points); 0 for a driver without information.
+    /// Gain in accuracy (percentage points). It is 0 if both drivers are equally accurate.
     pub accuracy_points: f64,
-    /// The mean distance as a share of the other driver's mean distance; 1 for a driver without
-    /// information. `None` if the other driver makes no error.
+    /// The mean distance divided by the other driver's mean distance. It is 1 if both are equal.
+    /// `None` if the other driver makes no error.
     pub distance_share: Option<f64>,
 }
 
 /// A predictor of the human's next input.
 pub trait Driver {
-    /// The most likely next turn rate, and the probability of the turn rate `truth`, given the
-    /// joint states and turn rates so far. Turn rates are in rad/s.
+    /// Returns the most likely next turn rate and the probability of the turn rate `truth`.
+    /// `history` has the joint states so far, and `held` the turn rates so far. Turn rates are in
+    /// rad/s.
     fn next(&self, history: &[JointState], held: &[f64], truth: f64) -> (f64, f64);
 }
 
@@ -99,16 +100,16 @@ impl<M: ActionModel> Driver for M {
     }
 }
 
-/// A driver without a model, for comparison.
+/// A driver without a model, as a reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Simple {
-    /// Holds the input of the previous step; drives straight on if there is none.
+    /// Holds the input of the previous step. Without a previous step, drives straight on.
     Held,
     /// Drives straight on.
     Straight,
 }
 
-/// The probability that a simple driver assigns to each action that it does not expect.
+/// The probability that a simple driver assigns to each action other than the expected one.
 pub const DOUBT: f64 = 0.05;
 
 impl Simple {
@@ -133,13 +134,13 @@ impl Driver for Simple {
     }
 }
 
-/// Roll-outs of `steps` steps. The first entry is for the next step, the last entry for the step
-/// `steps` ahead.
+/// Roll-outs of `steps` steps. The first entry is for the next step, and the last entry is for the
+/// step `steps` ahead.
 ///
-/// All entries cover the same *target steps*: the steps that are preceded by at least `steps` − 1
-/// other steps. The entry for h predicts each target step from h − 1 steps before its input was
-/// held. People turn more often early in a trial than late. With different target steps for each h,
-/// this difference would look like an effect of the horizon.
+/// All entries cover the same *target steps*, which are the steps after the first `steps` − 1
+/// steps. For horizon h, the roll-out starts h − 1 steps before the target step. People turn more
+/// often early in a trial than late. If the target steps differed between horizons, this would look
+/// like an effect of the horizon.
 ///
 /// # Errors
 /// [`Invalid`] if there is no step to predict.
@@ -222,8 +223,8 @@ mod tests {
         let straight = of(&Simple::Straight, &[Straight; 12], 10);
         assert_eq!((straight.len(), straight[9].windows), (10, 3));
         assert!(straight.iter().all(|h| h.accuracy() == 1.0 && h.mean_distance_m() < 1e-12));
-        // The targets are the last three steps. Only a roll-out from the very first step has no
-        // held input.
+        // The targets are the last three steps. Only the roll-out that starts at the very first
+        // step has no held input.
         let held = of(&Simple::Held, &[Left; 12], 10);
         assert!(held[..9].iter().all(|h| (h.windows, h.right) == (3, 3)));
         assert_eq!((held[9].windows, held[9].right), (3, 2));
@@ -232,31 +233,31 @@ mod tests {
         assert!((held[9].mean_log_loss() - loss).abs() < 1e-12);
     }
 
-    /// The human turns in the first steps and then drives straight on, as people do. A driver that
-    /// never turns is equally accurate at the same target steps from any distance, so all horizons
-    /// must agree.
+    /// The human turns in the first steps and then drives straight on, as people do. At a given
+    /// target step, a driver that never turns is equally accurate for every horizon, so all
+    /// horizons must agree.
     #[test]
     fn a_driver_who_looks_at_nothing_fares_the_same_at_every_horizon() {
         use TurnInput::{Left, Straight};
         let inputs: Vec<TurnInput> =
             (0..50).map(|i| if i < 20 { Left } else { Straight }).collect();
         let found = of(&Simple::Straight, &inputs, 10);
-        // Targets are the steps 9 to 49, 30 of them straight.
+        // Targets are the steps 9 to 49. The human drives straight in 30 of them.
         assert!(found.iter().all(|h| (h.windows, h.right) == (41, 30)));
         let log_loss = -(30.0 * ln(1.0 - 2.0 * DOUBT) + 11.0 * ln(DOUBT)) / 41.0;
         assert!(found.iter().all(|h| (h.mean_log_loss() - log_loss).abs() < 1e-12));
     }
 
-    /// The inputs alternate in runs of four steps. The input held h steps earlier is right for targets
-    /// whose index in their run is at least h, so 4 − h of four targets are right. For h = 4, the
-    /// earlier input belongs to the previous run, so no target is right.
+    /// The inputs alternate in runs of four steps. Holding the input from h steps earlier is right
+    /// if the target's index in its run is at least h, which is true of 4 − h of four targets. For
+    /// h = 4, the earlier input belongs to the previous run, so no target is right.
     #[test]
     fn what_is_ever_harder_to_foresee_is_less_often_right() {
         use TurnInput::{Left, Straight};
         let inputs: Vec<TurnInput> =
             (0..40).map(|i| if i / 4 % 2 == 0 { Left } else { Straight }).collect();
         let found = of(&Simple::Held, &inputs, 4);
-        // 37 targets, steps 3 to 39: index 3 of the first run, then nine whole runs.
+        // The 37 targets are steps 3 to 39: the last step of the first run, then nine whole runs.
         let right = |ahead: usize| {
             (3..40)
                 .filter(|target| ahead <= *target && inputs[target - ahead] == inputs[*target])

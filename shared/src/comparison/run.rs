@@ -30,13 +30,13 @@ pub struct Results {
     pub baselines: Vec<Baseline>,
     /// Roll-outs of every model, and of simple drivers.
     pub rollouts: Vec<RolloutsOf>,
-    /// Leakage on the first feature set; empty unless requested.
+    /// Leakage on the first feature set. Empty unless it is requested.
     pub leakage: Vec<Leakage>,
     /// Cells of models trained on the first tasks only.
     pub few_tasks: Vec<FewTasks>,
     /// Cells of models trained on other people.
     pub unseen: Vec<Cell>,
-    /// Loss of accuracy without each feature.
+    /// Loss of accuracy when each feature is permuted.
     pub importance: Vec<Importance>,
     /// The excluded participants.
     pub exclusions: Vec<Exclusion>,
@@ -45,11 +45,11 @@ pub struct Results {
 /// The roll-outs of one driver.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RolloutsOf {
-    /// The word of a model or of a simple driver.
+    /// The driver's name: [`ModelName::word`] or [`Simple::word`].
     pub driver: String,
-    /// The name of its feature set; empty for a simple driver.
+    /// The name of the driver's feature set; empty for a simple driver.
     pub features: String,
-    /// The results by number of steps ahead, over all participants' test tasks.
+    /// The results for each number of steps ahead, over all participants' test tasks.
     pub horizons: Vec<Horizon>,
 }
 
@@ -80,13 +80,13 @@ pub struct Leakage {
 pub struct Progress {
     /// Number of finished fits.
     pub done: usize,
-    /// Total number of fits. All fits take about the same time.
+    /// Total number of fits. Some fits take much longer than others.
     pub of: usize,
 }
 
-/// Stores cells under a key that covers all their inputs.
+/// A cache of cells. The key covers everything that the cells depend on.
 pub trait Cache: Sync {
-    /// The cells under this key, if stored.
+    /// Returns the cells under this key, if they are stored.
     fn get(&self, key: &str) -> Option<Vec<Cell>>;
 
     /// Stores cells, if possible.
@@ -139,7 +139,8 @@ fn execute(
     let done = AtomicUsize::new(0);
     let stopped = AtomicBool::new(false);
     parallel_map(&plan.fits, |fit| {
-        // Without this check, fits that still wait for a thread would run first.
+        // Without this check, all fits that still wait for a thread would run before the analysis
+        // stops.
         if stopped.load(Ordering::Relaxed) {
             return Err(AnalysisError::Stopped);
         }
@@ -155,7 +156,7 @@ fn execute(
     })
 }
 
-/// The cells of one fit, from the cache if it has them.
+/// The cells of one fit. They are taken from the cache if it contains them.
 fn fitted(
     plan: &Plan<'_>,
     planned: &Fit<'_>,
@@ -167,7 +168,7 @@ fn fitted(
     let data = data.select(&set.features)?;
     let key = key(model, &data, &split, &settings.grids);
     if let Some(mut cells) = cache.and_then(|cache| cache.get(&key)) {
-        // The cached cells do not depend on the participant's index or the set's name.
+        // The key does not cover the participant's index and the set's name, so set them here.
         for cell in &mut cells {
             cell.participant = participant;
             cell.features.clone_from(&set.name);
@@ -181,7 +182,7 @@ fn fitted(
     Ok(cells)
 }
 
-/// Assembles the results. If a fit of a participant failed, the participant is excluded from all
+/// Assembles the results. If any fit of a participant failed, this participant is excluded from all
 /// results, so that all means are over the same participants.
 fn assemble(
     plan: &Plan<'_>,
@@ -246,8 +247,8 @@ fn assemble(
     })
 }
 
-/// Splits the cell of a group, whose model was trained on other people, into one cell per person.
-/// The test rows of the cell are ordered by person.
+/// Splits the cell of a group into one cell per person. The cell's model was trained on other
+/// people. The test rows of the cell are ordered by person.
 fn by_person(plan: &Plan<'_>, cell: &Cell, places: &[Option<usize>]) -> Vec<Cell> {
     let groups = plan.everybody.as_ref().map_or(1, |everybody| everybody.groups().max(1));
     let mut begin = 0;
@@ -263,7 +264,7 @@ fn by_person(plan: &Plan<'_>, cell: &Cell, places: &[Option<usize>]) -> Vec<Cell
     cells
 }
 
-/// The first failed model of each participant, with its error.
+/// For each participant, the first model that failed, with its error. `None` if no model failed.
 fn failures(plan: &Plan<'_>, found: &[Fitted]) -> Vec<Option<String>> {
     let mut failed = vec![None; plan.participants.len()];
     let own = |(fit, _): &(&Fit<'_>, &Fitted)| fit.purpose != Purpose::Unseen;
@@ -276,7 +277,7 @@ fn failures(plan: &Plan<'_>, found: &[Fitted]) -> Vec<Option<String>> {
     failed
 }
 
-/// Adds the better of the two SVMs, and sorts the cells.
+/// For each pair of SVMs, adds the better one as [`ModelName::Svm`]. Then sorts the cells.
 fn with_choice(cells: &mut Vec<Cell>, settings: &Settings) {
     let place = |cell: &Cell| {
         let set = settings.sets.iter().position(|set| set.name == cell.features);
@@ -294,7 +295,7 @@ fn with_choice(cells: &mut Vec<Cell>, settings: &Settings) {
     cells.sort_by_key(|cell| (cell.model, place(cell)));
 }
 
-/// The accuracy with single steps held out, beside the accuracy of the comparison.
+/// The accuracy with single steps held out, next to the accuracy with whole trials held out.
 fn leakage(comparison: &Comparison, mut leaking: Vec<Cell>, settings: &Settings) -> Vec<Leakage> {
     if leaking.is_empty() {
         return Vec::new();

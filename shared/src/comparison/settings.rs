@@ -14,7 +14,7 @@ pub struct Settings {
     pub sets: Vec<NamedSet>,
     /// Hyper-parameters to try.
     pub grids: Grids,
-    /// Whether to also fit models to a split by time step, to show the leakage.
+    /// Whether to also fit models with a split by time step, which demonstrates leakage.
     pub leakage: bool,
     /// Whether to skip everything that is not in the paper: learning curves, models for unseen
     /// people and the importance of features.
@@ -26,11 +26,11 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The protocol's settings: the paper's sets, two of them also with the body frame, the
+    /// The protocol's settings: the paper's sets, two of these sets extended by the body frame, the
     /// protocol's grids, and T = 10.
     ///
     /// # Errors
-    /// Never, because the table has these names.
+    /// Never, because all names are valid.
     pub fn new() -> Result<Self, Invalid> {
         let mut sets = NamedSet::papers()?;
         sets.extend(NamedSet::with_body_frame()?);
@@ -45,7 +45,7 @@ impl Settings {
         })
     }
 
-    /// The models beyond the paper, which no table trains, with their feature sets.
+    /// The models beyond the paper, which are not trained for the tables, with their feature sets.
     pub(super) fn beyond(&self) -> impl Iterator<Item = (&NamedSet, ModelName)> {
         let set = |name| self.sets.iter().chain([&self.history]).find(|set| set.name == name);
         let trained = |of: &Beyond| of.model.training().is_some();
@@ -58,18 +58,18 @@ impl Settings {
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct Request {
-    /// Whether to also fit models to a split by time step, to show how much this split overstates
-    /// accuracy.
+    /// Whether to also fit models with a split by time step. This shows how much such a split
+    /// overstates accuracy.
     pub leakage: bool,
-    /// Whether to skip learning curves, models for unseen people and the importance of features,
-    /// which saves a third of the time.
+    /// Whether to skip learning curves, models for unseen people and the importance of features.
+    /// Skipping them saves a third of the time.
     #[serde(skip_serializing_if = "core::ops::Not::not")]
     pub paper_only: bool,
     /// Whether the report should state that the data are synthetic. Files of `sidestep simulate`
     /// already state this.
     pub synthetic: bool,
-    /// Feature sets in addition to the paper's sets. The key is a set's name; the value is the
-    /// names of its features.
+    /// Feature sets in addition to the paper's sets. Each key is the name of a set, and its value
+    /// lists the names of the features.
     pub sets: BTreeMap<String, Vec<String>>,
     /// Hyper-parameters to try. Omitted grids default to the protocol's grids.
     pub grids: Grids,
@@ -82,7 +82,7 @@ impl Request {
     /// The requested settings. Omitted fields default to the protocol's settings.
     ///
     /// # Errors
-    /// [`Invalid`] naming the invalid set or grid.
+    /// [`Invalid`] with the name of the invalid set or grid.
     pub fn settings(&self) -> Result<Settings, Invalid> {
         let protocol = Settings::new()?;
         if self.sets.len() > MOST_SETS {

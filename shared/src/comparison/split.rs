@@ -1,7 +1,7 @@
 //! The split into training and test trials.
 //!
-//! Whole trials are held out, because neighbouring steps are so similar that a model trained on one
-//! step would know the next step.
+//! Whole trials are held out. Neighbouring steps are so similar that a model trained on one step
+//! would already know the next step.
 
 use crate::dataset::Dataset;
 
@@ -11,8 +11,8 @@ pub const FOLDS: usize = 5;
 /// Minimum number of tasks of a compared participant.
 pub const LEAST_TASKS: usize = FOLDS;
 
-/// Index of the first test task among a participant's `tasks` tasks. The last fifth of the tasks is
-/// for testing, and at least one task if there are any.
+/// Index of the first test task, if a participant has `tasks` tasks. The last fifth of the tasks is
+/// for testing, but at least one task if there are any.
 #[must_use]
 pub fn first_test_task(tasks: usize) -> usize {
     tasks - (tasks / 5).max(1).min(tasks)
@@ -59,8 +59,8 @@ impl Split {
     }
 
     /// Splits by time step, regardless of trials. Every fifth row is for testing; the other rows
-    /// are assigned to the folds in turn. This split is **wrong**; it exists to show how much it
-    /// overstates accuracy.
+    /// are assigned to the folds in turn. This split is **wrong**. It exists to show how much such
+    /// a split overstates accuracy.
     #[must_use]
     pub fn leaking(data: &Dataset) -> Self {
         let (test, training): (Vec<usize>, Vec<usize>) =

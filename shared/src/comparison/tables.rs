@@ -97,7 +97,7 @@ impl Comparison {
     }
 
     /// Accuracy (per cent), `D_start` or `D_end` (penalised, steps) of each participant's model.
-    /// The distances are from experiment II.
+    /// `D_start` and `D_end` are always from experiment II.
     #[must_use]
     pub fn person_metric(
         &self,
@@ -136,7 +136,7 @@ impl Comparison {
         sets.iter().map(|set| mean(self.person_accuracies(model, experiment, set))).collect()
     }
 
-    /// One entry of the paper's Table II: both distances, over all test trajectories.
+    /// One entry of the paper's Table II: `D_start` and `D_end` over all test trajectories.
     #[must_use]
     pub fn distances(&self, model: ModelName, features: &str) -> Distances {
         let cells = self.of(model, Experiment::Avoidance, features);
@@ -219,14 +219,14 @@ impl Pooled {
     }
 }
 
-/// For each number of a row, whether it is the best. Numbers that tie for the best are all best;
-/// missing numbers never are.
+/// For each number of a row, whether it is the best. All numbers that tie for the best are best. A
+/// missing number is never the best.
 #[must_use]
 pub fn are_best(numbers: &[Option<f64>], less_is_better: bool) -> Vec<bool> {
     let sign = if less_is_better { -1.0 } else { 1.0 };
     let of = |number: &Option<f64>| number.map(|number| sign * number).filter(|n| n.is_finite());
     let best = numbers.iter().filter_map(of).fold(f64::NEG_INFINITY, f64::max);
-    // Rounding errors may make means of equal shares differ in their last digits.
+    // Because of rounding errors, means of equal shares may differ in their last digits.
     numbers.iter().map(|number| of(number).is_some_and(|number| best - number < 1e-9)).collect()
 }
 

@@ -2,8 +2,8 @@
 //!
 //! A feature is one entry of [`FEATURES`]. World-frame differences are human minus robot, by
 //! component (the paper's B). The subscript h stands for V_HR (the human's safety level), and r
-//! stands for V_RH (the robot's safety level). The x-axis of the human's body frame points along
-//! the human's heading, its y-axis to the left.
+//! stands for V_RH (the robot's safety level). In the human's body frame, the x-axis points along
+//! the human's heading, and the y-axis points to the left.
 
 use crate::math::{cos, hypot, sin, wrap_angle};
 use crate::safety::SafetyLevels;
@@ -14,7 +14,7 @@ use Compute::{FromGame, FromMotion};
 pub struct Feature {
     /// Column name in files.
     pub name: &'static str,
-    /// Unit; "1" for a dimensionless number.
+    /// Unit. "1" means a dimensionless number.
     pub unit: &'static str,
     /// Short description.
     pub meaning: &'static str,
@@ -177,8 +177,8 @@ fn turn(before: JointState, after: JointState) -> f64 {
     wrap_angle(after.human.psi - before.human.psi)
 }
 
-/// The human's turn to the left from `first` to `last` steps ago (rad). A vehicle turns by less
-/// than half a circle per step, so the sum counts full circles.
+/// The human's turn to the left from `last` steps ago to `first` steps ago (rad). A vehicle turns
+/// by less than half a circle per step, so the sum counts full circles.
 fn turned(history: &[JointState], first: usize, last: usize) -> f64 {
     let recent = history.iter().rev().skip(first).take(last - first + 1);
     let pairs = recent.clone().zip(recent.skip(1));
@@ -205,8 +205,8 @@ fn closest_approach(history: &[JointState], safety: &SafetyLevels) -> ClosestApp
     let robot = game.pursuer.speed_mps;
     let (vx, vy) = (robot * cos(psi) - game.evader.speed_mps, robot * sin(psi));
     let square = vx * vx + vy * vy;
-    // Vehicles side by side are always closest now. If their relative speed were only a rounding
-    // error, the time would be about 10¹⁶ s.
+    // Vehicles side by side keep their distance, so their closest approach is now. If their
+    // relative speed were only a rounding error, the division would give a time of about 10¹⁶ s.
     let least = SIDE_BY_SIDE * (robot + game.evader.speed_mps);
     let time_s = if square > least * least { (-(x * vx + y * vy) / square).max(0.0) } else { 0.0 };
     ClosestApproach { time_s, ahead_m: x + vx * time_s, left_m: y + vy * time_s }
@@ -237,7 +237,7 @@ mod tests {
         }
     }
 
-    /// Compares with the least distance along densely sampled straight drives.
+    /// Compares the closest approach with the least distance along densely sampled straight drives.
     #[test]
     fn the_closest_approach_is_the_least_distance_of_straight_drives() {
         let mut parameters = SceneParameters::default();
@@ -263,8 +263,8 @@ mod tests {
         }
     }
 
-    /// After three turns of 0.1 rad the human drives parallel to a robot at 0.3 rad, up to
-    /// rounding.
+    /// After three turns of 0.1 rad, the human drives parallel to a robot whose heading is 0.3 rad,
+    /// up to rounding errors.
     #[test]
     fn vehicles_side_by_side_are_closest_now() {
         let parameters = SceneParameters::default();
@@ -281,7 +281,7 @@ mod tests {
         assert!(apart.abs() < 1e-12, "{apart}");
     }
 
-    /// Compares with differences of V along the named axes.
+    /// Compares the gradients with differences of V along the named axes.
     #[test]
     fn gradients_are_slopes() {
         let safety = safety(&SceneParameters::default());

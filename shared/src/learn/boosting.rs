@@ -1,13 +1,13 @@
 //! Gradient-boosted trees for the multinomial deviance (Friedman 2001, with Newton steps and a
 //! penalty on leaves as in Chen and Guestrin 2016).
 //!
-//! In each round, a small tree for each class's score is fitted to the gradient of the deviance at
-//! the current scores, and a share (`rate`) of its Newton step is added to the score. Before
-//! training, columns are cut into quantile bins. Nothing is random.
+//! In each round, a small tree is fitted for each class's score, to the gradient of the deviance at
+//! the current scores. A fraction (`rate`) of the tree's Newton step is added to the score. Before
+//! training, columns are cut into quantile bins. Training uses no random numbers.
 //!
-//! Gradients and Hessians are rounded to multiples of 2⁻⁴⁰ and added as integers. So the sums, and
-//! therefore all splits, depend only on sets of rows and not on their order. Permuting rows does
-//! not change a bit of the model. Ties are broken as in [`tree`](super::tree).
+//! Gradients and Hessians are rounded to multiples of 2⁻⁴⁰ and summed as integers. The sums and all
+//! splits therefore depend only on sets of rows and not on their order, so permuting the rows gives
+//! a bit-identical model. Ties are broken as in [`tree`](super::tree).
 
 mod settings;
 mod bins;
@@ -32,8 +32,8 @@ pub struct Chosen {
     pub log_loss: f64,
 }
 
-/// Boosts trees for all rounds of the settings. A class that does not occur is improbable but not
-/// impossible, because the initial scores are the logarithms of (n_c + 1) / (n + K).
+/// Trains for all rounds of the settings. The initial scores are the logarithms of
+/// (n_c + 1) / (n + K), so a class that does not occur gets a small but positive probability.
 ///
 /// # Errors
 /// [`Invalid`] if there are fewer than two classes, a setting is out of range, there are more
@@ -47,10 +47,10 @@ pub fn fit(samples: &Samples<'_>, settings: &BoostingSettings) -> Result<Boosted
     Ok(booster.finish())
 }
 
-/// Chooses the depth and the number of rounds by the log loss on the held-out rows of all folds,
-/// then boosts with them on all rows. `folds` contains the fold of each row, from 0. All rows of a
-/// trial must be in the same fold. For each depth, a tie goes to fewer rounds; between depths, to
-/// the depth listed first.
+/// Chooses the depth and the number of rounds with the lowest log loss on the held-out rows of all
+/// folds. Then trains with them on all rows. `folds` contains the fold of each row, counted from 0.
+/// All rows of a trial must be in the same fold. If numbers of rounds tie, the smallest is chosen.
+/// If depths tie, the first in `depths` is chosen.
 ///
 /// # Errors
 /// The errors of [`fit`], and [`Invalid`] if `folds` and the rows differ in length, there are fewer
@@ -84,7 +84,7 @@ struct Part {
     labels: Vec<usize>,
 }
 
-/// The training and held-out rows of each fold.
+/// The training rows and the held-out rows of each fold.
 fn parts(samples: &Samples<'_>, folds: &[usize]) -> Result<Vec<[Part; 2]>, Invalid> {
     let count = folds.iter().max().map_or(0, |last| last + 1);
     if count < 2 {
@@ -105,8 +105,8 @@ fn parts(samples: &Samples<'_>, folds: &[usize]) -> Result<Vec<[Part; 2]>, Inval
     (0..count).map(part).collect()
 }
 
-/// The number of rounds with the lowest log loss on held-out rows. All folds advance together, so
-/// no fold is trained longer than needed.
+/// Finds the number of rounds with the lowest log loss on held-out rows. Each round is added to the
+/// models of all folds before the next round, so no fold is trained longer than needed.
 fn best_rounds(
     samples: &Samples<'_>,
     parts: &[[Part; 2]],
@@ -169,7 +169,8 @@ impl<'a> LeftOut<'a> {
         let mut loss = 0.0;
         for (scores, &label) in self.scores.chunks_exact(self.outputs).zip(&self.part.labels) {
             shares.copy_from_slice(scores);
-            // With two classes, the only score is the second class's; the first class's is 0.
+            // With two classes, the only score belongs to the second class, and the first class has
+            // score 0.
             let own = if self.outputs > 1 { scores[label] } else { scores[0] * label as f64 };
             loss += to_shares(&mut shares) - own;
         }

@@ -1,13 +1,14 @@
 //! Logistic regression with an L2 penalty, trained by Newton's method.
 //!
-//! It minimises C · Σ over rows of −log P(class) + ½ · Σ over weights of w², without a penalty on
-//! intercepts. This is the objective of scikit-learn's `LogisticRegression`. As in scikit-learn,
-//! two classes have **one** vector of weights, for the log-odds log P(second) − log P(first). Three
-//! or more classes have one vector each, and the penalty makes the sum of the vectors zero. (Two
-//! vectors for two classes would be penalised half as much.) With three or more classes, only
-//! differences of intercepts matter, so the intercepts are made to sum to zero.
+//! It minimises C · Σ over rows of −log P(class) + ½ · Σ over weights of w². Intercepts are not
+//! penalised. This is the objective of scikit-learn's `LogisticRegression`. As in scikit-learn, two
+//! classes have **one** weight vector, for the log-odds log P(second) − log P(first). (With two
+//! vectors, the penalty would be half as large.) Three or more classes have one weight vector each,
+//! and the penalty makes these vectors sum to zero. With three or more classes, only differences of
+//! intercepts matter, so the intercepts are made to sum to zero.
 //!
-//! Row order changes the result only by rounding (less than 10⁻¹² on standardised data).
+//! The order of the rows changes the result only by rounding errors (less than 10⁻¹² on
+//! standardised data).
 
 mod objective;
 
@@ -22,12 +23,13 @@ use objective::{Objective, Point};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct LogisticSettings {
-    /// The fit ends with the Newton step whose squared decrement, gᵀ H⁻¹ g, is at most this times
-    /// 1 + C. Since H ⪰ 1 for the weights, √(tolerance · (1 + C)) bounds this step. The square of
-    /// this bound, times the typical length of a row, bounds the remaining error.
+    /// The fit ends with the first Newton step whose squared decrement, gᵀ H⁻¹ g, is at most this
+    /// times 1 + C. Since H ⪰ 1 for the weights, the length of this step is at most
+    /// √(tolerance · (1 + C)). The square of this bound, times the typical length of a row, bounds
+    /// the remaining error.
     pub tolerance: f64,
-    /// Maximum number of Newton steps for each C. The problem is strictly convex; about ten
-    /// suffice.
+    /// Maximum number of Newton steps for each C. The problem is strictly convex, and about ten
+    /// steps suffice.
     pub max_steps: usize,
 }
 
@@ -38,7 +40,7 @@ impl Default for LogisticSettings {
 }
 
 impl LogisticSettings {
-    /// Sets [`Self::tolerance`], the squared decrement at which a fit ends, divided by 1 + C.
+    /// Sets [`Self::tolerance`], the limit of the squared Newton decrement divided by 1 + C.
     #[must_use]
     pub fn with_tolerance(self, tolerance: f64) -> Self {
         Self { tolerance, ..self }
@@ -61,9 +63,9 @@ pub fn fit(samples: &Samples<'_>, c: f64, settings: LogisticSettings) -> Result<
     models.pop().ok_or_else(|| Invalid::new("c", "at least one", "none"))
 }
 
-/// Trains a model with each inverse regularisation strength of `strengths`, in the given order.
-/// Each fit starts from an extrapolation of the previous solution, which saves about half of the
-/// work if the strengths are sorted.
+/// Trains one model for each inverse regularisation strength in `strengths`, in the given order.
+/// Each fit starts from an extrapolation of the previous solution. If the strengths are sorted,
+/// this saves about half of the work.
 ///
 /// # Errors
 /// The errors of [`fit`].
@@ -97,7 +99,7 @@ pub fn fit_path(
     Ok(models)
 }
 
-/// The minimum, and the loss, gradient and Hessian one step before the minimum.
+/// Returns the minimum, and the loss, gradient and Hessian at the last point before the minimum.
 fn minimise(
     objective: &mut Objective<'_>,
     mut theta: DVector<f64>,
@@ -115,9 +117,9 @@ fn minimise(
         if decrement <= settings.tolerance * (1.0 + c) {
             return Ok((theta - step, point));
         }
-        // Full steps converge near the solution; farther away, steps are halved if necessary. The
-        // slack is needed because near the solution the decrease is below the rounding error of the
-        // loss.
+        // Near the solution, full steps converge. Farther away, steps are halved if necessary. The
+        // slack is needed because near the solution, the decrease of the loss is below its rounding
+        // error.
         let slack = 1e-12 * point.loss;
         let mut share = 1.0;
         loop {
@@ -134,7 +136,8 @@ fn minimise(
     Err(Invalid::new("rows", "a problem that converges", found))
 }
 
-/// A row of weights and an intercept for each class; with two classes, the first has zeros.
+/// A row of weights and an intercept for each class. With two classes, the first class's weights
+/// and intercept are zero.
 fn model(objective: &Objective<'_>, theta: &DVector<f64>) -> Result<Logistic, Invalid> {
     let width = objective.width();
     let mut blocks: Vec<Vec<f64>> =
@@ -154,7 +157,7 @@ fn model(objective: &Objective<'_>, theta: &DVector<f64>) -> Result<Logistic, In
 }
 
 impl Objective<'_> {
-    /// The optimum for uninformative features: zero weights, and intercepts from `counts`.
+    /// The optimum if no feature is informative: zero weights, and intercepts from `counts`.
     fn intercepts_only(&self, counts: &[usize]) -> DVector<f64> {
         let logs: Vec<f64> = counts.iter().map(|&count| ln(count as f64)).collect();
         let mut theta = DVector::zeros(self.unknowns());

@@ -1,4 +1,4 @@
-//! The predictor of one participant's turns, trained on their trials.
+//! Trains the predictor of one participant's turns on the trials of this participant.
 
 use super::logistic::{LogisticSettings, fit};
 use super::samples::Samples;
@@ -19,16 +19,17 @@ pub type Driven = (Vec<TurnInput>, Vec<JointState>);
 pub struct Trained {
     /// The predictor.
     pub predictor: Predictor,
-    /// Why the predictor has only the frequencies of the inputs. `None` if it is a trained model.
+    /// The reason why the predictor returns only the frequencies of the inputs. `None` if it
+    /// contains a trained model.
     pub fallback: Option<String>,
 }
 
-/// Minimum number of trials. With fewer, a model would reflect chance more than the participant.
+/// Minimum number of trials. A model trained on fewer trials would mostly fit noise.
 const MIN_TRIALS: usize = 5;
 
 /// Trains a logistic regression on `features` that predicts the turn direction (experiment 1). If
-/// this is impossible, for example with too few trials or without safety levels, the predictor has
-/// constant probabilities and [`Trained::fallback`] contains the reason.
+/// training is impossible, for example because there are too few trials or no safety levels, the
+/// predictor has constant probabilities and [`Trained::fallback`] states the reason.
 ///
 /// # Example
 /// ```
@@ -58,7 +59,7 @@ const MIN_TRIALS: usize = 5;
 /// ```
 ///
 /// # Errors
-/// [`Invalid`] for inconsistent features or probabilities, which would be a bug in this library.
+/// [`Invalid`] if features or probabilities are inconsistent, which would be a bug in this library.
 pub fn train(
     features: &FeatureSet,
     safety: Option<&SafetyLevels>,
@@ -67,7 +68,8 @@ pub fn train(
     train_early(features, safety, trials, MIN_TRIALS)
 }
 
-/// Like [`train`], but requires only `least` trials, to show how a model improves with data.
+/// Like [`train`], but `least` is the minimum number of trials. Callers use it to show how a model
+/// improves with more data.
 ///
 /// # Errors
 /// The errors of [`train`].
@@ -106,11 +108,12 @@ fn enough(trials: &[Driven], least: usize) -> Result<(), String> {
     Ok(())
 }
 
-/// Trains a logistic regression (C = 1) on standardised rows. Only inputs that occur in the data
-/// become classes, because there are no data about the others.
+/// Trains a logistic regression (C = 1) on standardised rows. The classes are the inputs that occur
+/// in the data, because nothing can be learned about other inputs.
 ///
 /// # Errors
-/// [`Invalid`] if there is no row, or a number is not finite.
+/// [`Invalid`] if there are no rows, fewer than two kinds of input occur, a number is not finite,
+/// or the fit does not converge.
 pub fn logistic(data: &Dataset) -> Result<Predictor, Invalid> {
     let occurring: Vec<TurnInput> = TurnInput::ALL
         .into_iter()
@@ -127,11 +130,11 @@ pub fn logistic(data: &Dataset) -> Result<Predictor, Invalid> {
     Ok(Predictor::logistic(data.features.clone(), classes, scale, model))
 }
 
-/// Prior counts of right, straight and left. An unseen input is not impossible, and people drive
-/// straight in three of five steps.
+/// Prior counts of right, straight and left. They give unseen inputs a positive probability. Their
+/// proportions reflect that people drive straight in three of five steps.
 const PRIOR: [f64; 3] = [1.0, 3.0, 1.0];
 
-/// A predictor with the frequencies of the inputs so far, including the prior counts.
+/// A predictor that returns the frequencies of the inputs so far, including the prior counts.
 fn frequencies(features: &FeatureSet, trials: &[Driven]) -> Result<Predictor, Invalid> {
     let inputs = || trials.iter().flat_map(|(inputs, _)| inputs);
     let total = inputs().count() as f64 + PRIOR.iter().sum::<f64>();
@@ -206,7 +209,7 @@ mod tests {
         let trials = driven_with(&parameters, 5, TurnInput::Left);
         let trained = train(&hrd(), Some(&solved(&parameters)), &trials).unwrap();
         assert_eq!((trained.fallback, trained.predictor.features().len()), (None, 8));
-        // Without safety levels, the fallback has the reason.
+        // Without safety levels, the fallback states the reason.
         let trained = train(&hrd(), None, &trials).unwrap();
         assert!(trained.fallback.unwrap().contains("not solved"));
     }

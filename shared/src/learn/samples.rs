@@ -15,8 +15,8 @@ impl<'a> Samples<'a> {
     /// Rows of `width` columns (row-major) and the class of each row.
     ///
     /// # Errors
-    /// [`Invalid`] if there is no column, row or class, lengths do not match, a number is not
-    /// finite or a label is not below `classes`.
+    /// [`Invalid`] if there are no columns, rows or classes, if lengths do not match, if a number
+    /// is not finite, or if a label is not below `classes`.
     pub fn new(
         width: usize,
         values: &'a [f64],

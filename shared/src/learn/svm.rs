@@ -2,8 +2,8 @@
 //! calibrated probabilities.
 //!
 //! The optimum is the same as in libsvm and scikit-learn's `SVC`. The SVM of a pair minimises
-//! ½|w|² + C Σ max(0, 1 − y_i f(x_i)) over f(x) = w·φ(x) + b. Rows are sorted (by label and
-//! features) before anything is computed, so the caller's row order changes no bit of the result.
+//! ½|w|² + C Σ max(0, 1 − y_i f(x_i)), where f(x) = w·φ(x) + b. Before any computation, rows are
+//! sorted by label and features, so the caller's row order does not change a bit of the result.
 
 mod rows;
 mod gram;
@@ -29,11 +29,12 @@ use smo::Smo;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct SvmSettings {
-    /// Linear or radial basis functions.
+    /// The kernel: linear or radial basis functions.
     pub kernel: Kernel,
     /// The cost of a unit of margin violation, C > 0.
     pub c: f64,
-    /// A fit ends when the optimality conditions hold to this (radial basis functions only).
+    /// The fit ends when the optimality conditions hold to this tolerance (radial basis functions
+    /// only).
     pub tolerance: f64,
     /// Maximum number of pairwise steps (radial basis functions only).
     pub max_steps: usize,
@@ -74,7 +75,7 @@ impl SvmSettings {
 /// Fits the sigmoid of each pair to held-out decision values (rows × pairs, row-major).
 ///
 /// # Errors
-/// [`Invalid`] if there is not one value for each row and pair.
+/// [`Invalid`] if `decisions` does not contain one value for each row and pair.
 pub fn calibrate(target: Target<'_>, decisions: &[f64]) -> Result<Vec<Sigmoid>, Invalid> {
     let count = pair_count(target.classes);
     length("decisions", target.labels.len() * count, decisions.len())?;
@@ -90,12 +91,12 @@ pub fn calibrate(target: Target<'_>, decisions: &[f64]) -> Result<Vec<Sigmoid>, 
     Ok(pairs(target.classes).enumerate().map(of_pair).collect())
 }
 
-/// Standardises `rows` (row-major, `width` raw features) and trains on them. `sigmoids` has the
-/// sigmoid of each pair of classes.
+/// Standardises `rows` (row-major, `width` raw features) and trains on the result. `sigmoids`
+/// contains the sigmoid of each pair of classes.
 ///
 /// # Errors
-/// [`Invalid`] if lengths do not match, a number is not finite, C, γ or the tolerance is not > 0, a
-/// class does not occur, or the fit does not converge.
+/// [`Invalid`] if lengths do not match, a number is not finite, C, γ or the tolerance is not
+/// positive, a class does not occur, or the fit does not converge.
 pub fn fit(
     width: usize,
     rows: &[f64],

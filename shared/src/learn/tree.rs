@@ -1,14 +1,15 @@
 //! Decision trees: CART with Gini impurity.
 //!
-//! A node is split where the impurity falls most. Ties (compared exactly, in integers) go to the
-//! lowest feature index, then to the lowest threshold, so a tree depends only on the set of its
-//! rows and not on their order. A node becomes a leaf if it is pure, if no split leaves enough rows
-//! on both sides, or if it is at the maximum depth. A split need not reduce the impurity, because a
-//! first split on one of two features that are informative only together does not reduce it.
+//! Each node gets the split that reduces the impurity most. Ties (compared exactly, in integers) go
+//! to the lowest feature index, then to the lowest threshold, so a tree depends only on the set of
+//! its rows and not on their order. A node becomes a leaf if it is pure, if no split leaves enough
+//! rows on both sides, or if it is at the maximum depth. A split is accepted even if it does not
+//! reduce the impurity, because two features may be informative only together. The first split on
+//! one of them then reduces nothing.
 //!
-//! Numbers are handled as in scikit-learn: features are rounded to single precision, values closer
-//! than 10⁻⁷ are never separated, and thresholds are midpoints. (scikit-learn breaks ties at
-//! random.)
+//! Numbers are handled as in scikit-learn: features are rounded to single precision, values that
+//! differ by at most 10⁻⁷ are never separated, and thresholds are midpoints. (But scikit-learn
+//! breaks ties at random.)
 
 pub(super) mod grower;
 
@@ -29,7 +30,7 @@ pub struct TreeSettings {
 }
 
 impl Default for TreeSettings {
-    /// As deep as the rows allow, with leaves of a single row.
+    /// A tree as deep as the rows allow, whose leaves may contain a single row.
     fn default() -> Self {
         Self { max_depth: None, min_leaf: 1 }
     }
@@ -59,8 +60,9 @@ pub fn grow(samples: &Samples<'_>, settings: TreeSettings) -> Result<Tree, Inval
     trees.pop().ok_or_else(|| Invalid::new("min_leaf", "at least one", "none"))
 }
 
-/// Grows one tree per minimum leaf size (ascending). The trees share work while their splits agree.
-/// Each one is identical to the result of [`grow`]. [`Tree::truncated`] gives trees of lower depth.
+/// Grows one tree for each minimum leaf size in `min_leaves` (ascending). The trees share work as
+/// long as their splits agree. Each tree is identical to the result of [`grow`] with its minimum
+/// leaf size. To get trees of lower depth, use [`Tree::truncated`].
 ///
 /// # Errors
 /// The errors of [`grow`], and [`Invalid`] if `min_leaves` are not ascending.
@@ -79,7 +81,7 @@ pub fn grow_each(
     Ok(trees.into_iter().map(tree).collect())
 }
 
-/// Gini impurity, in integers.
+/// The Gini impurity, computed in integers.
 struct Gini<'a> {
     labels: &'a [usize],
     classes: usize,
@@ -89,15 +91,15 @@ struct Gini<'a> {
 struct Sides {
     left: Vec<u64>,
     right: Vec<u64>,
-    /// Sum of squared counts on each side, and number of rows on each side.
+    /// The sum of the squared counts on each side, then the number of rows on each side.
     left_squares: u64,
     right_squares: u64,
     left_rows: u64,
     right_rows: u64,
 }
 
-/// Σ over both sides of (sum of squared counts / number of rows), as a fraction. It is greatest
-/// where the impurity is lowest. With n ≤ 2²¹ rows, the numerator is at most n³/4.
+/// Σ over both sides of (sum of squared counts / number of rows), as a fraction. The greatest value
+/// belongs to the lowest impurity. With n ≤ 2²¹ rows, the numerator is at most n³/4.
 #[derive(Clone, Copy)]
 struct Concentration {
     numerator: u64,

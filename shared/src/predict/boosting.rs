@@ -11,13 +11,13 @@ use crate::invalid::{Invalid, all_moderate, length};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// Trees with numbers at their leaves.
+/// A model of trees with numbers at their leaves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Boosted {
-    /// The initial score of each class. With two classes, only the second class's score, because
-    /// the first class's score is 0.
+    /// The initial score of each class. With two classes, there is only the second class's score,
+    /// because the first class's score is 0.
     intercepts: Vec<f64>,
-    /// Tree i adds to the score with index i modulo the number of scores.
+    /// The trees. Tree i adds to the score with index i modulo the number of scores.
     trees: Vec<Summand>,
 }
 
@@ -35,11 +35,11 @@ impl Summand {
     }
 }
 
-/// The fields of a [`Boosted`] in a file.
+/// The fields, in a file, of a [`Boosted`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BoostedFile {
-    /// The initial score of each class. With two classes, only the second class's score (the first
-    /// class's score is 0).
+    /// The initial score of each class. With two classes, there is only the second class's score
+    /// (the first class's score is 0).
     pub intercepts: Vec<f64>,
     /// The trees, round by round, with one tree per intercept in each round.
     pub trees: Vec<SummandFile>,
@@ -52,13 +52,13 @@ pub struct BoostedFields {
     pub boosted: BoostedFile,
 }
 
-/// The fields of a tree that adds to a score, in a file.
+/// The fields, in a file, of a tree that adds to a score.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SummandFile {
     /// The questions (splits) of the tree.
     #[serde(flatten)]
     pub questions: QuestionsFile,
-    /// One entry per node: the value that a leaf adds to the score, or 0 at other nodes.
+    /// One entry per node: at a leaf, the value that it adds to the score; at other nodes, 0.
     pub value: Vec<f64>,
 }
 

@@ -9,7 +9,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
 /// The content of a `predictor.json`; docs/predictor.md describes it for users. A logistic model
-/// that was trained elsewhere can be written in this format and used everywhere.
+/// that was trained with other software can be written in this format and then used everywhere.
 ///
 /// # Example
 /// ```
@@ -26,15 +26,15 @@ use serde_json::Value;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct PredictorFile {
-    /// The meaning of the classes, if stated: 1 for the direction of a turn, 2 for whether the
-    /// human avoids.
+    /// The meaning of the classes, if the file states it: 1 for the turn direction, 2 for whether
+    /// the human avoids.
     pub experiment: Option<u8>,
     /// Names of the features, in column order.
     pub features: Vec<String>,
     /// The classes: −1 right, 0 straight, 1 left.
     pub classes: Vec<i8>,
-    /// The turn rate of each class (rad/s), ascending. Without turn rates, the turn rate of a class
-    /// is the class times the vehicle's turn rate.
+    /// The turn rate of each class (rad/s), ascending. If it is `None`, the turn rate of a class is
+    /// the class times the vehicle's turn rate.
     pub actions: Option<Vec<f64>>,
     /// The fields of the model, which depend on its kind.
     pub model: ModelFile,
@@ -57,7 +57,7 @@ struct Head {
     format: Format,
     /// The kind of the model.
     kind: KindName,
-    /// The meaning of the classes: 1 for the direction of a turn, 2 for whether the human avoids.
+    /// The meaning of the classes: 1 for the turn direction, 2 for whether the human avoids.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     experiment: Option<u8>,
     /// Names of the features, in column order.
@@ -132,7 +132,7 @@ impl From<&Predictor> for PredictorFile {
 }
 
 impl PredictorFile {
-    /// The predictor, if its classes are turn directions.
+    /// Returns the predictor, if its classes are turn directions.
     ///
     /// # Errors
     /// [`Invalid`] if the file states that its classes are not turns, or if it is invalid.

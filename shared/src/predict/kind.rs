@@ -26,8 +26,8 @@ pub(super) trait Kind: Sized {
     /// Writes the probability of each class to `out`, given a row of raw features.
     fn probabilities_into(&self, row: &[f64], out: &mut [f64]);
 
-    /// The index of the predicted class, below `classes`: the most probable class, the first on a
-    /// tie.
+    /// The index of the predicted class, below `classes`. This is the most probable class; ties go
+    /// to the first class.
     fn class(&self, row: &[f64], classes: usize) -> usize {
         let mut p = vec![0.0; classes];
         self.probabilities_into(row, &mut p);
@@ -44,8 +44,8 @@ pub(super) fn field<T: DeserializeOwned>(document: &Value, name: &str) -> Result
     }
 }
 
-/// Generates, from the table of kinds, the enums of models and of their file fields, and the
-/// functions that dispatch to a kind.
+/// Generates three things from the table of kinds: the enum of models, the enum of their file
+/// fields, and the functions that dispatch to a kind.
 macro_rules! kinds {
     ($($(#[$about:meta])* $kind:ident: $model:ty = $file:ty,)*) => {
         /// The names of the kinds in files.

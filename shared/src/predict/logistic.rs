@@ -21,12 +21,12 @@ pub struct Logistic {
     intercepts: Vec<f64>,
 }
 
-/// The fields of a [`Logistic`] on standardised features in a file.
+/// The fields, in a file, of a [`Logistic`] on standardised features.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LogisticFile {
-    /// The mean of each feature, which is subtracted from it.
+    /// The mean of each feature, which is subtracted from the feature.
     pub mean: Vec<f64>,
-    /// The divisor of each feature after this subtraction.
+    /// The divisor of each feature, which is applied after the subtraction of the mean.
     pub scale: Vec<f64>,
     /// Weights: classes × features.
     pub coefficients: Vec<Vec<f64>>,
@@ -96,7 +96,7 @@ impl Logistic {
     }
 }
 
-/// Converts scores to probabilities.
+/// Converts scores to probabilities, in place.
 pub(super) fn softmax(scores: &mut [f64]) {
     let top = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let mut total = 0.0;

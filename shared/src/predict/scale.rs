@@ -2,7 +2,7 @@
 
 use crate::invalid::{Invalid, length, moderate, moderate_divisor};
 
-/// Standardises features: subtracts a mean from each, then divides by a scale.
+/// Standardises features: subtracts the mean of each feature, then divides by its scale.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scale {
     mean: Vec<f64>,
@@ -24,8 +24,8 @@ impl Scale {
         Ok(Self { mean, scale })
     }
 
-    /// Mean and population standard deviation of each column of `rows` (row-major, `width`
-    /// columns). A constant column has divisor 1.
+    /// Fits the mean and the population standard deviation of each column of `rows` (row-major,
+    /// `width` columns). The divisor of a constant column is 1.
     #[must_use]
     pub fn fit(width: usize, rows: &[f64]) -> Self {
         let n = (rows.len() / width).max(1) as f64;
@@ -40,7 +40,7 @@ impl Scale {
         };
         let mean = column_mean(&|_, value| value);
         let variance = column_mean(&|j, value| (value - mean[j]) * (value - mean[j]));
-        // Because of rounding errors, a constant column has a variance of about (ε·mean)².
+        // Rounding errors give a constant column a variance of about (ε·mean)² instead of 0.
         let scale = variance.iter().zip(&mean).map(|(&variance, &mean)| {
             let sd = variance.sqrt();
             if sd <= 1e-12 * (1.0 + mean.abs()) { 1.0 } else { sd }

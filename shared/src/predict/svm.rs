@@ -1,8 +1,8 @@
 //! Support vector machines, one for each pair of classes.
 //!
-//! A pair (a, b) with a < b has a decision value f. It is a vote for a if f > 0, otherwise for b.
-//! Pairs are in the order (0, 1), (0, 2), …, (1, 2), …. The class with the most votes wins, the
-//! first on a tie. Signs, order and votes are the same as in libsvm.
+//! Each pair (a, b) with a < b has a decision value f. The pair votes for a if f > 0, otherwise for
+//! b. Pairs are in the order (0, 1), (0, 2), …, (1, 2), …. The class with the most votes wins. Ties
+//! go to the first class. Signs, order and votes are the same as in libsvm.
 
 mod pairs;
 mod coupling;
@@ -73,7 +73,7 @@ enum Pairwise {
     Rbf(Support),
 }
 
-/// The fields of an [`Svm`] on standardised features in a file; `kernel` selects the variant.
+/// The fields, in a file, of an [`Svm`] on standardised features. `kernel` selects the variant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum SvmFile {
@@ -91,14 +91,14 @@ enum KernelWord {
     Rbf,
 }
 
-/// The fields of a linear [`Svm`] in a file. Pairs of classes are in the order (first, second),
+/// The fields, in a file, of a linear [`Svm`]. Pairs of classes are in the order (first, second),
 /// (first, third), …, (second, third), …. A positive decision value is a vote for the pair's first
 /// class.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LinearSvmFile {
-    /// The mean of each feature, which is subtracted from it.
+    /// The mean of each feature, which is subtracted from the feature.
     pub mean: Vec<f64>,
-    /// The divisor of each feature after this subtraction.
+    /// The divisor of each feature, which is applied after the subtraction of the mean.
     pub scale: Vec<f64>,
     /// Weights: pairs × features.
     pub coefficients: Vec<Vec<f64>>,
@@ -109,13 +109,13 @@ pub struct LinearSvmFile {
     pub sigmoids: Vec<[f64; 2]>,
 }
 
-/// The fields of an [`Svm`] with radial basis functions in a file. Pairs are in the same order as
+/// The fields, in a file, of an [`Svm`] with radial basis functions. Pairs are in the same order as
 /// in [`LinearSvmFile`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RbfSvmFile {
-    /// The mean of each feature, which is subtracted from it.
+    /// The mean of each feature, which is subtracted from the feature.
     pub mean: Vec<f64>,
-    /// The divisor of each feature after this subtraction.
+    /// The divisor of each feature, which is applied after the subtraction of the mean.
     pub scale: Vec<f64>,
     /// An intercept for each pair.
     pub intercepts: Vec<f64>,
@@ -124,9 +124,9 @@ pub struct RbfSvmFile {
     pub gamma: f64,
     /// Standardised support vectors: vectors × features.
     pub support_vectors: Vec<Vec<f64>>,
-    /// Dual coefficients, α times +1 or −1: pairs × support vectors.
+    /// Dual coefficients (α times +1 or −1): pairs × support vectors.
     pub dual_coefficients: Vec<Vec<f64>>,
-    /// As in [`LinearSvmFile`].
+    /// a and b of each pair, as in [`LinearSvmFile`].
     pub sigmoids: Vec<[f64; 2]>,
 }
 
@@ -202,8 +202,7 @@ impl SvmFile {
 }
 
 impl Svm {
-    /// Linear SVMs: for each pair of classes a row of `width` weights, an intercept and
-    /// a sigmoid.
+    /// Linear SVMs. Each pair of classes has a row of `width` weights, an intercept and a sigmoid.
     ///
     /// # Errors
     /// [`Invalid`] if lengths do not match or a number is not finite.
@@ -292,8 +291,9 @@ impl Svm {
     }
 }
 
-/// Class probabilities from the decision value of each pair. Each pair's sigmoid gives a pairwise
-/// probability; pairwise coupling combines these (Wu, Lin, Weng 2004, the second method).
+/// Computes class probabilities from the decision value of each pair. The sigmoid of a pair gives a
+/// pairwise probability. Pairwise coupling combines these probabilities (Wu, Lin, Weng 2004, the
+/// second method).
 pub fn couple(sigmoids: &[Sigmoid], decisions: &[f64], out: &mut [f64]) {
     let pairwise = sigmoids.iter().zip(decisions).map(|(sigmoid, &f)| sigmoid.probability(f));
     coupling::couple(&pairwise.collect::<Vec<_>>(), out);

@@ -1,5 +1,6 @@
-//! Decision trees: a row goes left if a feature is at most a threshold, otherwise right, until it
-//! reaches a leaf. [`learn::tree`](crate::learn::tree) grows them.
+//! Decision trees. At each node, a row goes left if a feature is at most a threshold, otherwise
+//! right. This repeats until the row reaches a leaf. [`learn::tree`](crate::learn::tree) grows the
+//! trees.
 
 use super::kind::{Kind, field};
 use super::scale::Scale;
@@ -12,12 +13,13 @@ use serde_json::Value;
 /// Maximum depth of a tree, which bounds the cost of a prediction.
 pub const DEEPEST: usize = 1000;
 
-/// A question (split), or a leaf.
+/// A question (split) or a leaf.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Node {
     pub(crate) threshold: f64,
     pub(crate) feature: u32,
-    /// The child for rows whose feature is ≤ threshold; 0 at a leaf, because the root is no child.
+    /// The child for rows whose feature is ≤ threshold. It is 0 at a leaf, because node 0 is never
+    /// a child.
     pub(crate) left: u32,
     /// The child for the other rows.
     pub(crate) right: u32,
@@ -47,7 +49,7 @@ impl Questions {
         at
     }
 
-    /// The depth of each node; the root's is 0.
+    /// The depth of each node. The depth of the root is 0.
     fn depths(&self) -> Vec<usize> {
         let mut depths = vec![0; self.0.len()];
         for (i, node) in self.0.iter().enumerate().filter(|(_, node)| !node.is_leaf()) {
@@ -71,8 +73,8 @@ impl Questions {
     }
 }
 
-/// The questions of a tree in a file: one entry per node, the root first, and children after their
-/// parents.
+/// The questions of a tree in a file. Each list has one entry per node. The root comes first, and
+/// children come after their parents.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct QuestionsFile {
     /// The index of the feature; 0 at leaves.
@@ -186,8 +188,8 @@ impl TreeFile {
     /// The tree, for `width` features and `classes` classes.
     ///
     /// # Errors
-    /// [`Invalid`] if the questions do not form a tree, a count is missing, or the counts of two
-    /// children do not add up to the count of their parent.
+    /// [`Invalid`] if the questions do not form a tree, if a count is missing, or if a parent's
+    /// count is not the sum of its children's counts.
     pub fn check(&self, width: usize, classes: usize) -> Result<Tree, Invalid> {
         let questions = self.questions.check(width)?;
         length("counts", questions.0.len(), self.counts.len())?;
@@ -209,7 +211,7 @@ impl TreeFile {
 }
 
 impl Tree {
-    /// A tree from nodes in preorder and their counts.
+    /// Builds a tree from nodes in preorder and their counts.
     #[cfg(feature = "learn")]
     pub(crate) fn new(nodes: Vec<Node>, classes: usize, counts: Vec<u32>) -> Self {
         Self { questions: Questions(nodes), classes, counts }
@@ -238,7 +240,7 @@ impl Tree {
         &self.counts[node * self.classes..][..self.classes]
     }
 
-    /// The most frequent class of the training rows at the leaf that `row` reaches. On a tie, the
+    /// The most frequent class of the training rows at the leaf that `row` reaches. Ties go to the
     /// lowest class.
     #[must_use]
     pub fn class(&self, row: &[f64]) -> usize {
@@ -253,9 +255,10 @@ impl Tree {
         self.counts(self.questions.leaf(row))
     }
 
-    /// Writes the probability of each class to `out`: (n_c + 1) / (n + K), for n training rows at
-    /// the leaf, n_c of them in this class, and K classes. (By Laplace's rule, a class that does
-    /// not occur at the leaf is not impossible.)
+    /// Writes the probability of each class to `out`: (n_c + 1) / (n + K). Here, n is the number of
+    /// training rows at the leaf, n_c is the number of these rows in the class, and K is the number
+    /// of classes. (By Laplace's rule, a class that does not occur at the leaf still has a positive
+    /// probability.)
     pub fn probabilities_into(&self, row: &[f64], out: &mut [f64]) {
         let counts = self.counts_at(row);
         let total = counts.iter().map(|&count| f64::from(count)).sum::<f64>();
@@ -408,7 +411,7 @@ mod tests {
                 left.extend([2 * i + 1, 0]);
                 right.extend([2 * i + 2, 0]);
             }
-            // Node 2i is a question, node 2i + 1 a leaf.
+            // Node 2i is a question, and node 2i + 1 is a leaf.
             left.push(0);
             right.push(0);
             let (feature, threshold) = (vec![0; left.len()], vec![0.0; left.len()]);

@@ -1,8 +1,8 @@
 //! The boundary of the planar set from one start pose, composed of families of extremal paths.
 //!
-//! * **Front**: the ends of the paths that get farthest in some direction. They turn toward it and then
-//!   go straight (`front`). If driving straight is not always admissible, see `singular`, and for
-//!   extremals that diverge beyond double precision, `divergence`.
+//! * **Front**: the ends of the paths that get farthest in some direction. These paths turn toward this
+//!   direction and then go straight (`front`). `singular` handles bounds that do not always admit
+//!   driving straight, and `divergence` handles extremals that diverge beyond double precision.
 //! * **Rear**: the ends of bang-bang paths, whose rate switches between the bounds once (`rear`) or
 //!   more often (`multi_switch`).
 //! * **Tube**: the union over all instants. It is bounded by the path with the lowest rates, the final
@@ -38,7 +38,7 @@ pub struct Workspace {
     pub(super) brush: Vec<Complex<f64>>,
     pub(super) outliner: Outliner,
     pub(super) outer: Outer,
-    /// For the convex hull.
+    /// Buffer for the convex hull.
     pub(super) instants: Vec<f64>,
     curves: Curves,
     family: Vec<Piece>,
@@ -124,15 +124,15 @@ impl Workspace {
     }
 }
 
-/// Whether the boundaries of the set after `steps` steps and of the tube up to then consist of the
-/// curves drawn here. The headings along each outermost path must be within a quarter turn of each
-/// other, and no bounds may narrowly forbid driving straight, where extremals diverge too fast.
+/// Whether the curves drawn here bound the set after `steps` steps and the tube up to that step. For
+/// this, the headings along each outermost path must be within a quarter turn of each other. In
+/// addition, no bounds may narrowly forbid driving straight, because extremals then diverge too fast.
 ///
 /// For a tube this is proven. Because the end time is free, boundary paths arrive perpendicular to the
 /// outward normal. They switch only where the displacement to the end is perpendicular to the end
 /// heading. After their last switch, they turn like an outermost path. For a set at one instant, tests
-/// found no missed position. If headings swing farther, tests found some, because paths with
-/// several switches then bound the set.
+/// found no missed position. If headings swing farther, tests found missed positions, because paths
+/// with several switches then bound the set.
 pub(super) fn is_of_extremals(paths: &Paths, steps: usize) -> bool {
     paths.swing(steps) <= FRAC_PI_2 && !paths.graze_straight(steps)
 }

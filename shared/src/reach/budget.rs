@@ -6,7 +6,7 @@
 use core::cell::{Cell, RefCell};
 use core::ops::ControlFlow;
 
-/// Progress of a polygon or of a membership query.
+/// Progress of the computation of a polygon, or of a membership query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
     /// Units of work done.
@@ -91,7 +91,7 @@ impl<'a> Budget<'a> {
     }
 
     /// Sets aside one of `parts` equal parts of the remaining units until [`Self::give_back`]. Returns
-    /// their number.
+    /// the number of units set aside.
     pub(super) fn set_aside(&self, parts: usize) -> usize {
         let units = self.left.get() / parts;
         self.left.set(self.left.get() - units);

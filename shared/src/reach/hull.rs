@@ -28,8 +28,8 @@ const DIRECTIONS: usize = 128;
 const ROUNDING: f64 = 1e-9;
 
 /// Replaces `boundary` by a convex polygon around the set after `steps` steps, or around the tube up to
-/// that step. Start headings deviate by up to `heading` (rad) to either side. `more` returns the extra
-/// distance in a direction (a unit vector) that comes from other start positions. `instants` is
+/// that step. Start headings deviate by up to `heading` (rad) to either side. `more` returns the
+/// distance in a direction (a unit vector) that uncertain start positions add. `instants` is
 /// overwritten.
 pub(super) fn surround(
     paths: &Paths,

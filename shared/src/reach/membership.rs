@@ -9,10 +9,10 @@
 //! is not convex or surrounds a hole, or where headings pass ±π.
 //!
 //! # Accuracy
-//! A state found inside is reachable, to 10⁻⁶ m. It is not proven that the curves are complete: at
-//! the rear, paths with more than two switches come from a local optimisation, and rates change
+//! A state found inside is reachable to within 10⁻⁶ m. It is not proven that the curves are complete.
+//! At the rear, paths with more than two switches come from a local optimisation, in which rates change
 //! only between quarters of a step. So a state outside the curves needs a separate proof
-//! (`body_point`), or it stays open.
+//! (`body_point`). Without a proof, it stays open.
 
 mod buffer;
 mod span;
@@ -92,7 +92,7 @@ pub enum Side {
 /// Inputs may be out of their bounds by this much (rad/s), because of rounding errors.
 const INPUT_ROUNDING: f64 = 1e-12;
 
-/// Largest heading (rad). Beyond it, too few digits remain for turns that are added.
+/// Largest heading (rad). Beyond it, too few digits remain to add whole turns.
 const MOST_RAD: f64 = 1e6;
 
 impl ReachableSet {
@@ -111,15 +111,15 @@ impl ReachableSet {
         self.state_membership(step, state, tolerance, MOST_TRIALS) != Membership::Outside
     }
 
-    /// Like [`Self::contains_state`], but with three possible results, and with at most `trials` attempts
-    /// to prove that the state is outside. All attempts together took 30 to 230 µs per state at turns
-    /// of 0.1 rad per step, over 10 to 15 steps. For all bounds, starts and numbers of attempts, the work
-    /// is limited, as for a polygon, to four million units (some hundredths of a second). Beyond the
-    /// limit, the state is [open](Membership::Open).
+    /// Like [`Self::contains_state`], but with three possible results, and with at most `trials`
+    /// attempts to prove that the state is outside. All attempts together took 30 to 230 µs per state
+    /// at turns of 0.1 rad per step, over 10 to 15 steps. As for a polygon, the work is limited to four
+    /// million units (some hundredths of a second), whatever the bounds, the start and the number of
+    /// attempts. If the limit is exceeded, the state is [open](Membership::Open).
     ///
-    /// A state found inside is reachable to 10⁻⁶ m beyond the tolerance. If the start is a set, the state
-    /// is inside if some start pose leads there. It can also be inside if a start pose leads to a
-    /// position within 10⁻⁴ s of travel.
+    /// A state found inside is reachable to within 10⁻⁶ m beyond the tolerance. If the start is a set,
+    /// the state is inside if some start pose leads to it. It can also be inside if a start pose leads
+    /// to a position at most 10⁻⁴ s of travel away.
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].
@@ -176,7 +176,8 @@ impl ReachableSet {
     /// How far `state` (world frame) is inside the set of states reached after exactly `step` steps. If
     /// the start is a set, only the pose in its middle counts. The margins are NaN if the state is not
     /// finite, if its heading is beyond 10⁶ rad, or if the work exceeds four million units (see
-    /// [`Self::state_membership`]), as for some states after tens of steps of half a turn.
+    /// [`Self::state_membership`]). The last case occurs for some states after tens of steps of half a
+    /// turn.
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].
@@ -211,9 +212,9 @@ impl ReachableSet {
         best
     }
 
-    /// For each of the states after steps 1, 2 … (world frame), whether it is reached after its step,
-    /// as in [`Self::contains_state`]. The work limit for a single state is divided among all states. A
-    /// state that is not decided within its share counts as inside.
+    /// For each of `states`, the states after steps 1, 2, … (world frame), returns whether it is
+    /// reached after its step, as in [`Self::contains_state`]. The work limit for a single state is
+    /// divided among all states. A state that is not decided within its share counts as inside.
     ///
     /// # Panics
     /// If there are more states than [`Self::steps`].
@@ -245,10 +246,10 @@ impl ReachableSet {
 
     /// Whether a recorded trajectory is inside at every step. `states` are the states after each step
     /// (world frame), from the first step on. `inputs`, if known, are the turn rates held in each step
-    /// (rad/s). While they satisfy the bounds, the states are reachable by definition. From the first
-    /// step whose input violates the bounds, each state must be [inside](Membership::Inside) within
-    /// `tolerance`. An open state counts as not inside, so the share of contained trajectories is
-    /// never overestimated. The work limit for a single state is divided among all states.
+    /// (rad/s). As long as the inputs satisfy the bounds, the states are reachable by definition. From
+    /// the first step whose input violates the bounds, each state must be [inside](Membership::Inside)
+    /// within `tolerance`. An open state counts as not inside, so the share of contained trajectories
+    /// is never overestimated. The work limit for a single state is divided among all states.
     ///
     /// # Panics
     /// If there are more states than [`Self::steps`], or fewer inputs than states.

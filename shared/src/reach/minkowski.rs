@@ -11,8 +11,8 @@ use nalgebra::Complex;
 type Point = Complex<f64>;
 
 /// The Minkowski sum of a simple polygon and a disc: all positions within `radius_m` of the polygon,
-/// including its interior. For the human's reachable positions and the danger radius, it is the
-/// region where the robot would be too near.
+/// including its interior. Applied to the human's reachable positions and the danger radius, it gives
+/// the region where the robot would be too near.
 ///
 /// The vertices are in metres, counter-clockwise, with the first vertex not repeated. One vertex is a
 /// point, two are a segment. The returned polygon contains the sum and exceeds it by at most
@@ -47,7 +47,7 @@ pub fn minkowski_disc(
     Ok(workspace.boundary.iter().map(|p| [x0 + p.re, y0 + p.im]).collect())
 }
 
-/// The Minkowski sum of a disc and a box; it is added to a set.
+/// The Minkowski sum of a disc and a box. [`Brush::sweep`] adds it to a set.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Brush {
     /// Radius of the disc.
@@ -118,8 +118,8 @@ fn convolve(polygon: &[Point], brush: &[Point], curve: &mut Vec<Point>) {
     }
     let k = brush.len() as f64;
     let edge = |i: usize| polygon[(i + 1) % polygon.len()] - polygon[i];
-    // An edge in this direction is shifted by the vertex of the brush whose two edges have the
-    // directions just below and just above the edge's direction.
+    // An edge in `direction` is shifted by the vertex of the brush whose two edges have the directions
+    // just below and just above `direction`.
     let shift = |direction: f64| (direction * k / TAU).ceil() as i64;
     let mut before = edge(polygon.len() - 1);
     let mut direction = atan2(before.im, before.re);
@@ -194,8 +194,8 @@ pub(super) fn rotate(angle: f64, tolerance: f64, workspace: &mut Workspace, budg
 
 /// Replaces `found` by the points of a closed polygon at which the distance from the origin has a local
 /// extremum: first the farthest point, then minima and maxima alternately. Returns the farthest point.
-/// Between consecutive points the distance changes by at least `least`, but there is always at least
-/// one minimum.
+/// Between consecutive extrema, the distance changes by at least `least`. At least one minimum is
+/// always found, however small the change.
 fn extremes(polygon: &[Point], least: f64, found: &mut Vec<Point>) -> Option<Point> {
     found.clear();
     let distance = |point: Point| point.norm_sqr().sqrt();

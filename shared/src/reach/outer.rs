@@ -6,18 +6,18 @@
 //! *mean* in every piece. The resulting path
 //!
 //! * ends near the end of the original path. The deviation d of ϑ from its mean has no first-order
-//!   effect. Its square, ∫d² ≤ g²h³/12, displaces the end by at most h³(g²/48 + |ū|g/12 + g³h/144), if
-//!   every piece is shortened by h³g²/48 ([`Piece::error`]);
+//!   effect. Its second-order effect, with ∫d² ≤ g²h³/12, displaces the end by at most h³(g²/48 +
+//!   |ū|g/12 + g³h/144), if every piece is shortened by h³g²/48 ([`Piece::error`]);
 //! * turns on the spot by at most gh/2 of the previous piece plus gh/2 of the next piece, because the
-//!   difference of two means is an integral of ϑ′ against a weight that rises from 0 to 1 and falls to 0
-//!   again.
+//!   difference of two means is a weighted integral of ϑ′, whose weight rises from 0 to 1 and falls
+//!   back to 0.
 //!
 //! Let Pⱼ be the positions at the end of the horizon, in the frame of the vehicle at the beginning of
-//! piece j. Up to the sum of the errors, they follow from P_N = {0} and
-//! Pⱼ = ⋃ e^{ia}·(Dⱼ + e^{iūh}·Pⱼ₊₁) over |a| ≤ αⱼ; P₀ is the set. Each step of this recursion is one
-//! displacement, the same for all paths, and one [sweep](Curve::sweep) about the vehicle. Nothing here
-//! depends on which paths are extremal. Rigid motions preserve distances, so errors only add up, for any
-//! number of pieces and any size of turns.
+//! piece j. Up to the sum of the errors, they follow from P_N = {0} and the recursion
+//! Pⱼ = ⋃ e^{ia}·(Dⱼ + e^{iūh}·Pⱼ₊₁) over |a| ≤ αⱼ. P₀ is the set. Each step of the recursion applies one displacement,
+//! which is the same for all paths, and one [sweep](Curve::sweep) about the vehicle. The construction
+//! does not depend on which paths are extremal. Rigid motions preserve distances, so errors only add
+//! up, for any number of pieces and any size of turns.
 //!
 //! The construction of the tube also adds, in each piece, the positions passed on the way
 //! ([`Piece::add_passed`]).
@@ -45,13 +45,13 @@ struct Piece {
     count: usize,
     /// Length of a piece (s).
     seconds: f64,
-    /// gh/2: largest difference between the mean of ϑ and ϑ at either end (rad).
+    /// gh/2, the largest difference between ϑ at either end of a piece and the mean of ϑ (rad).
     half_turn: f64,
     /// e^{iūh}.
     turned: Point,
     /// Dⱼ.
     moved: Point,
-    /// Upper bound on the error of a path's end from one piece (s of travel).
+    /// Upper bound on the error that one piece adds to the end of a path (s of travel).
     error: f64,
     /// ūh.
     turn: f64,
@@ -84,9 +84,10 @@ impl Piece {
     /// then begins and ends at the origin. Returns how far outside the curve a path can still be (s of
     /// travel).
     ///
-    /// ∫d vanishes at both ends of the piece and its second derivative is at most g. So at time s a path
-    /// is at most (±g − ū)·s(h − s)/2 to the side of the straight line. A circular arc with the height of
-    /// this parabola lies outside it, and an arc with three quarters of the height lies inside.
+    /// The integral ∫d vanishes at both ends of the piece, and its second derivative is at most g. So
+    /// at time s a path is at most (±g − ū)·s(h − s)/2 to the side of the straight line. A circular arc
+    /// with the height of this parabola lies outside it, and an arc with three quarters of the height
+    /// lies inside.
     fn add_passed(&self, spread: f64, corners: &mut Vec<Corner>) -> f64 {
         let (h, rate) = (self.seconds, self.turn / self.seconds);
         let height = |bend: f64, outward: bool| {
@@ -132,11 +133,11 @@ fn error_of(rate: f64, spread: f64, seconds: f64) -> f64 {
     spread * (spread / 48.0 + rate.abs() / 12.0 + spread * spread * seconds / 144.0)
 }
 
-/// If a curve has more corners than this plus twice their number after the last simplification, a
-/// coarser polygon around it replaces it.
+/// A curve is simplified if it has more corners than this plus twice their number after the last
+/// simplification. A coarser polygon around the curve then replaces it.
 const MOST_CORNERS: usize = 1_500;
 
-/// The corresponding limit on the extremes of the distance from the vehicle.
+/// The corresponding limit on the number of extremes of the distance from the vehicle.
 const MOST_EXTREMES: usize = 24;
 
 /// Costs in units of a [`Budget`]: of sweeping a corner (in addition to one unit for moving it), and of
@@ -147,8 +148,8 @@ const COMPARING: usize = 8;
 /// Cost per vertex of converting arcs to edges and loosening.
 const LOOSENING: usize = 6;
 
-/// Fractions of the accuracy for the errors of the pieces, for replacing arcs by edges, and for
-/// removing vertices.
+/// Fractions of the accuracy that are allowed for the errors of the pieces, for replacing arcs by
+/// edges, and for removing vertices.
 const OF_PIECES: f64 = 0.2;
 const OF_ARCS: f64 = 0.1;
 const OF_VERTICES: f64 = 0.1;
@@ -184,9 +185,9 @@ pub(super) struct Request {
 }
 
 impl Outer {
-    /// Replaces `boundary` by the boundary of a polygon. Grown by the returned distance (s of travel),
-    /// the polygon contains the set. If the budget is spent, the boundary is unfinished, and this need
-    /// not hold.
+    /// Replaces `boundary` by the boundary of a polygon. The polygon contains the set if it is grown by
+    /// the returned distance (s of travel). If the budget is spent, the boundary is unfinished and may
+    /// not contain the set.
     pub(super) fn draw(
         &mut self,
         paths: &Paths,
@@ -204,13 +205,14 @@ impl Outer {
         budget.spend(LOOSENING * boundary.len());
         loosen(boundary, scratch, OF_VERTICES * request.accuracy);
         outliner.tidy(boundary, budget);
-        // Removes remaining teeth. Otherwise an uncertain position would be swept around each of them.
+        // Removes the remaining teeth. Otherwise an uncertain position would be swept around each of
+        // them.
         loosen(boundary, scratch, OF_VERTICES * request.accuracy);
         error
     }
 
-    /// Lower bound on the distance of a line segment from the set (s of travel). It is not positive if
-    /// the segment may touch the set, or if the budget is spent.
+    /// Lower bound on the distance between a line segment and the set (s of travel). It is not positive
+    /// if the segment may touch the set, or if the budget is spent.
     pub(super) fn clearance(
         &mut self,
         paths: &Paths,
@@ -323,9 +325,9 @@ impl Outer {
         self.curve.corners.extend(corners);
     }
 
-    /// Divides the steps into the fewest pieces with a total error of [`OF_PIECES`] of the accuracy. The
-    /// lengths of the pieces are then proportional to the inverse cube roots of the error rates. The
-    /// limit on the number of pieces takes precedence.
+    /// Divides the steps into the fewest pieces with a total error of at most [`OF_PIECES`] times the
+    /// accuracy. For this, the lengths of the pieces are proportional to the inverse cube roots of the
+    /// error rates. The limit on the number of pieces takes precedence.
     fn cut(&mut self, paths: &Paths, request: Request) {
         let budget = OF_PIECES * request.accuracy;
         let step_s = paths.step_s;
@@ -339,7 +341,8 @@ impl Outer {
             let (_, spread) = middle_and_spread(paths, step);
             let mut pieces = step_s * cbrt(weight(step)) / scale;
             if request.tube {
-                // Then a piece adds at most a quarter of the accuracy at the sides of the tube.
+                // With this number, a piece adds at most a quarter of the accuracy at the sides of the
+                // tube.
                 let (rate, _) = middle_and_spread(paths, step);
                 let bend = spread + rate.abs();
                 pieces = pieces.max(step_s * (0.5 * bend / request.accuracy).sqrt());

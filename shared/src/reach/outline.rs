@@ -15,11 +15,13 @@ type Node = [i64; 2];
 /// An undirected edge between two nodes; the smaller node comes first.
 type Edge = (Node, Node);
 
-/// Spacing of the grid (s of travel): far below any requested accuracy, far above rounding errors.
+/// Spacing of the grid (s of travel). It is far below any requested accuracy and far above rounding
+/// errors.
 const GRID_S: f64 = 1e-10;
 
-/// Width (s of travel) at which parts without width are drawn, so that polygons do not touch
-/// themselves. It is a fraction of the tolerance, but at least a few grid spacings.
+/// Half the width (s of travel) with which parts of zero width are drawn, and the gap between a front
+/// and its rear where they touch. So polygons do not touch themselves. It is a fraction of the
+/// tolerance, but at least a few grid spacings.
 pub(super) fn thickness(tolerance: f64) -> f64 {
     (0.001 * tolerance).max(16.0 * GRID_S)
 }
@@ -44,7 +46,8 @@ pub(super) struct Outliner {
     edges: Vec<Edge>,
     /// Indices of edges to cut, and the nodes at which to cut them.
     cuts: Vec<(usize, Node)>,
-    /// The indices of the edges in each strip, strip after strip, each with the edge's first strip.
+    /// The edges in each strip, strip after strip. An entry has the index of the edge and its first
+    /// strip.
     in_strips: Vec<(usize, usize)>,
     /// Index in `in_strips` at which the edges of each strip begin.
     begins: Vec<usize>,
@@ -87,7 +90,7 @@ impl Outliner {
 
     /// Replaces `boundary` by the boundary of the unbounded region outside the curves
     /// (counter-clockwise, first point not repeated). Everything that the curves enclose is thus
-    /// filled. The curves must be connected through shared points or crossings. If they have no
+    /// filled. The curves must be connected through shared points or crossings. If the curves have no
     /// length, or if the budget is spent, `boundary` stays unchanged.
     pub(super) fn outline(&mut self, boundary: &mut Vec<Point>, budget: &Budget<'_>) {
         budget.spend(SORTING * self.edges.len());
@@ -151,7 +154,8 @@ impl Outliner {
             (strip(low - 1), strip(high + 1))
         };
         // Counting sort. First, entry i + 2 holds the number of edges in strip i. After summing, entry
-        // i + 1 holds the beginning of strip i. After the edges are filled in, entry i holds it.
+        // i + 1 holds the beginning of strip i. After the edges are filled in, entry i holds the
+        // beginning of strip i.
         self.begins.clear();
         for edge in &self.edges {
             let (first, last) = strips(edge);
@@ -276,8 +280,8 @@ fn compare((i, e): (usize, Edge), (j, f): (usize, Edge), cuts: &mut Vec<(usize, 
     }
 }
 
-/// Whether the edge `other` lies clearly on one side of the line through `e`. This is so for most
-/// compared edges.
+/// Whether the edge `other` lies clearly on one side of the line through `e`. This is true of most
+/// pairs.
 fn apart(e: Edge, other: Edge) -> bool {
     let along = difference(e.1, e.0);
     let [a, b] = [other.0, other.1].map(|node| cross(along, difference(node, e.0)));

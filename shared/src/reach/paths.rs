@@ -1,4 +1,4 @@
-//! The two outermost paths: with the lowest and with the highest turn rate throughout.
+//! The two outermost paths. One has the lowest turn rate in every step, and the other has the highest.
 //!
 //! Inside `reach`, lengths are in seconds of travel (the speed is one), points are complex numbers,
 //! and the human starts at the origin with heading 0.
@@ -13,8 +13,8 @@ const SMALL: f64 = 0.25;
 /// e^{i·angle}.
 pub(super) fn unit(angle: f64) -> Complex<f64> {
     if angle.abs() < SMALL {
-        // The omitted terms are below 10⁻¹⁷. Multiplies by constants, since divisions take several
-        // times as long.
+        // The omitted terms are below 10⁻¹⁷. The code multiplies by constants, because divisions take
+        // several times as long.
         let a2 = angle * angle;
         let cos = 1.0 - a2 * (1.0 / 90.0) * (1.0 - a2 * (1.0 / 132.0));
         let cos = 1.0 - a2 * (1.0 / 30.0) * (1.0 - a2 * (1.0 / 56.0) * cos);
@@ -64,8 +64,8 @@ impl Turn {
         Self { rate, turned: half * half, moved }
     }
 
-    /// The turn at `rate` whose end tangents meet at a distance of `z`/2 from either end. Here
-    /// z = (2/rate)·tan(rate·seconds/2), where the turn takes `seconds`.
+    /// The turn at `rate` whose end tangents meet at a distance of `z`/2 from either end. Here z =
+    /// (2/rate)·tan(rate·seconds/2), where `seconds` is the duration of the turn.
     pub(super) fn of_tangent(rate: f64, z: f64) -> Self {
         let tan = 0.5 * rate * z;
         let along = Complex::new(1.0, tan);
@@ -158,9 +158,9 @@ impl Path {
 }
 
 /// Threshold (rad/s) for steps that last `seconds` in total. A bound that forbids driving straight by
-/// less counts as zero, because extremals would diverge beyond double precision there. This admits
-/// 10⁻⁵ rad more in total, and positions that are farther out by at most 10⁻⁵ of the distance
-/// travelled.
+/// less than this counts as zero. Otherwise, extremals would diverge beyond double precision. This
+/// admits up to 10⁻⁵ rad more turn in total, and positions that are farther out by at most 10⁻⁵ of the
+/// distance travelled.
 pub(crate) fn nearly_zero(seconds: f64) -> f64 {
     1e-5 / seconds
 }
@@ -238,8 +238,8 @@ impl Paths {
         })
     }
 
-    /// Range of the headings along an outermost path in the first `steps` steps, for the path with the
-    /// larger range (rad).
+    /// Width of the range of headings (rad) along an outermost path in the first `steps` steps. Of the
+    /// two paths, the one with the larger width counts.
     pub(super) fn swing(&self, steps: usize) -> f64 {
         let of = |path: &Path| {
             let headings = (0..=steps).map(|step| path.heading(step));

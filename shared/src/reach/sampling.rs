@@ -20,9 +20,9 @@ pub struct PolygonSettings {
 pub enum Outline {
     /// The polygon follows the boundary, even where it is not convex.
     Refined {
-        /// The distance (m) by which the polygon was grown so that it certainly contains the set.
-        /// Coarsely drawn edges are farther out. The margin exceeds the accuracy if reaching the
-        /// accuracy would have taken more than [`PolygonSettings::most_pieces`].
+        /// The distance (m) by which the polygon was grown so that it certainly contains the set. Edges
+        /// that were drawn coarsely lie even farther out. The margin exceeds the accuracy if reaching
+        /// the accuracy would have taken more than [`PolygonSettings::most_pieces`] time intervals.
         ///
         /// With a margin of 0, the polygon follows the boundary on either side within the accuracy.
         /// The margin of polygons that are not [conservative](PolygonSettings::conservative) is 0,
@@ -33,8 +33,9 @@ pub enum Outline {
     /// The polygon is convex and encloses the whole set with its holes and indentations, for all
     /// settings. It is returned if following the boundary would have taken more than
     /// [`PolygonSettings::most_work`], or if a coarsely drawn polygon would have been larger. In every
-    /// direction it extends at most 0.03 % farther than if each path could have, at each instant, the
-    /// admissible heading nearest to that direction.
+    /// direction, the polygon exceeds a simple bound by at most 0.03 %. The bound assumes that each
+    /// path has, at each instant, the admissible heading nearest to this direction.
+    /// would.
     ConvexHull,
 }
 
@@ -145,14 +146,15 @@ impl Default for PolygonSettings {
 /// A point of a curve, and the direction of the curve there.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sample {
-    /// In the human's frame, seconds of travel.
+    /// In the human's frame (s of travel).
     pub(super) point: Complex<f64>,
     /// Along the tangent or the normal, with any length > 0. Only changes of the direction matter.
     pub(super) direction: Complex<f64>,
 }
 
-/// Maximum depth of halving a parameter range: down to the last bit. Bounds close to zero need this
-/// depth, because a long part of the front then belongs to extremals whose parameters hardly differ.
+/// Maximum depth of halving a parameter range. It is enough to reach the last bit of the parameter.
+/// Bounds close to zero need this depth, because a long part of the front then belongs to extremals
+/// whose parameters hardly differ.
 const MOST_HALVINGS: u32 = 64;
 
 /// Appends points of `curve` for parameters in (from, to], so densely that the chords stay within

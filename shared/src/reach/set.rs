@@ -39,7 +39,7 @@ const MOST_WIDENINGS: usize = 4;
 /// limit for conservative polygons applies if it is higher.
 const MOST_FINE_PIECES: usize = 10_000;
 
-/// If such a boundary exceeds the budget, its accuracy is made coarser by this factor.
+/// If a boundary without extremals exceeds the budget, its accuracy is made coarser by this factor.
 const COARSER: f64 = 16.0;
 
 /// Smallest tolerance with which extremals are sampled (s of travel).
@@ -197,8 +197,9 @@ impl ReachableSet {
     }
 
     /// The positions reachable at any instant from the start to the end of the last step, as a polygon
-    /// (world frame, m, counter-clockwise, first vertex not repeated). Accuracy and holes are as for
-    /// [`Self::step_polygon`]. If the bounds leave no choice, the polygon is a strip along the path.
+    /// (world frame, m, counter-clockwise, first vertex not repeated). Accuracy and holes are handled
+    /// as in [`Self::step_polygon`]. If the bounds leave no choice, the polygon is a strip along the
+    /// path.
     #[must_use]
     pub fn tube_polygon(&self, settings: PolygonSettings) -> Vec<[f64; 2]> {
         let mut polygon = Vec::new();
@@ -271,10 +272,10 @@ impl ReachableSet {
         outline
     }
 
-    /// The tolerance of the boundary from the start pose itself (s of travel).
+    /// The tolerance for the boundary of the set from exactly the start pose (s of travel).
     fn tolerance(&self, settings: PolygonSettings) -> f64 {
-        // For an uncertain start, the rotation arcs and the disc add errors. The total stays below the
-        // accuracy.
+        // For an uncertain start, the rotation arcs and the disc add errors. With this share, the total
+        // stays below the accuracy.
         let share = if self.starts_at_a_pose() { 1.0 } else { 0.25 };
         share * settings.accuracy_m() / self.speed_mps
     }
@@ -283,8 +284,8 @@ impl ReachableSet {
         self.start_set == StartSet::from(self.start)
     }
 
-    /// Replaces a boundary that touches itself by a slightly wider one that does not. So polygons are
-    /// simple, even where the bounds leave no choice.
+    /// Replaces a boundary that touches itself by a slightly wider one that does not touch itself. This
+    /// keeps polygons simple, even where the bounds leave no choice.
     fn widen(&self, settings: PolygonSettings, workspace: &mut Workspace, budget: &Budget<'_>) {
         let radius = thickness(self.tolerance(settings));
         for _ in 0..MOST_WIDENINGS {
@@ -404,7 +405,7 @@ impl ReachableSet {
         workspace: &mut Workspace,
     ) {
         let Workspace { boundary, instants, .. } = workspace;
-        // Large enough that rounding does not merge two corners.
+        // The brush is large enough that rounding errors do not merge two corners.
         let brush = self.brush(0.01 * settings.accuracy_m() / self.speed_mps, true);
         let more = |direction| brush.support(direction);
         let heading = self.start_set.heading_rad;

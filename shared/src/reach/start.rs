@@ -91,7 +91,7 @@ impl StartSet {
     }
 }
 
-/// Exactly one pose. It is not checked here but where it is used.
+/// A start set with exactly one pose. The pose is not checked here but where the start set is used.
 impl From<Pose> for StartSet {
     fn from(pose: Pose) -> Self {
         Self { pose, position: PositionUncertainty::None, heading_rad: 0.0 }

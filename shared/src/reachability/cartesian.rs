@@ -3,7 +3,7 @@
 //!
 //! Mitchell, *A Toolbox of Level Set Methods* (2008) and Osher and Fedkiw (2003). One array
 //! contains the values, surrounded by ghost nodes. A stage processes the last two axes as one run
-//! of cells, in blocks that fit into the L1 cache together with their derivatives, so no array of
+//! of cells, block by block. A block and its derivatives fit into the L1 cache, so no array of
 //! derivatives is needed. The run includes ghost nodes; the values computed there are overwritten
 //! when the ghosts are filled. A problem with reflection symmetry, such as two vehicles in the
 //! frame of one of them, is computed on half of the nodes.
@@ -31,7 +31,7 @@ use serde::{Deserialize, Serialize};
 
 pub use solution::{Sample, ShallowObstacle, Snapshot, Solution};
 
-/// Whether paths may pass through the target, or must end in it.
+/// Whether paths may pass through the target, or must end in it at the horizon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
@@ -149,7 +149,7 @@ impl<'a, const D: usize, G> Problem<'a, D, G> {
     }
 
     /// Sets the obstacle g(x), whose interior {g < 0} must not be entered; `None` removes it. Like
-    /// the target, g is negative inside and should be a signed distance. V ≥ −g.
+    /// the target, g is negative inside and should be a signed distance. V is at least −g.
     #[must_use]
     pub fn with_avoid(self, avoid: impl Into<Option<Region<'a, D>>>) -> Self {
         let avoid = avoid.into().map(|region| Avoid { region, sign: -1.0 });
@@ -266,19 +266,20 @@ impl Settings {
 /// # Bounds
 /// V of a tube is the smallest value of the target along a path, unless the obstacle raises it. So
 /// min l ≤ V ≤ max(l, −g) at every node, where min l is the smallest value of the target at any
-/// node so far. Higher-order schemes undershoot beside kinks, so each stage clamps V to min l, as
-/// well as to l and −g. A change that is too large for any scheme in one stage is an error.
+/// node so far. Higher-order schemes undershoot beside kinks, so each stage clamps V to these
+/// bounds. A change that no scheme can cause in one stage is an error.
 ///
 /// # Low obstacles
-/// Some obstacles rise less than the target is deep, for example a function that is only −1 or 1, or a
-/// distance in a larger unit than the target's. They make V so flat that its sign can be wrong. [`Solution::shallow`] reports this.
+/// The height of an obstacle can be less than the depth of the target, for example if the obstacle
+/// is a function that is only −1 or 1, or a distance in a larger unit than the target's. V is then
+/// so flat that its sign can be wrong. [`Solution::shallow`] reports this.
 ///
 /// # Ends of the grid
 /// [`Boundary`](super::Boundary) determines the values beyond an end. Where the flow leaves the
 /// grid, V depends on these values. [`Solution::earliest_exit_s`] is the time before which no path
-/// leaves; V of a shorter march does not depend on them. Beside an obstacle with jumps, negative V
-/// is extrapolated with the smaller of the two slopes at the end, so that a wall is not mistaken
-/// for a slope.
+/// leaves; V of a shorter march does not depend on the values beyond the end. If the obstacle
+/// jumps, negative V is extrapolated with the smaller of the last two slopes before the end, so
+/// that a wall is not mistaken for a slope.
 ///
 /// The solve calls `progress` after every step. `progress` may cancel the solve.
 ///
@@ -290,7 +291,8 @@ impl Settings {
 ///   node);
 /// - an obstacle that covers all of the grid or all of the target;
 /// - a game that makes V infinite or NaN, or makes it change faster than the speed bounds allow;
-/// - stored instants, or a region of forward time in a backward march, without a finite horizon.
+/// - stored instants, or a backward march with a region of forward time, if the horizon is not
+///   finite.
 ///
 /// [`SolveError::Cancelled`] if `progress` cancels the solve.
 pub fn solve<T: Real, const D: usize, G: Game<D>>(

@@ -2,7 +2,8 @@
 
 /// A lattice of nodes in the plane, each inside a region or outside it.
 pub(super) trait Lattice {
-    /// Number of nodes along both index directions, which must be right-handed in the plane.
+    /// Number of nodes along each index. The two index directions must form a right-handed system
+    /// in the plane.
     fn size(&self) -> [usize; 2];
     /// Whether the second index is periodic.
     fn wraps(&self) -> bool;
@@ -22,8 +23,8 @@ pub(super) fn closed_curves(lattice: &impl Lattice) -> Vec<Vec<[f64; 2]>> {
     let inside: Vec<bool> =
         (0..rows * columns).map(|n| lattice.inside([n / columns, n % columns])).collect();
     let last_column = if lattice.wraps() { columns } else { columns - 1 };
-    // The edges that leave a node along the first index come first, then the edges along the second
-    // index.
+    // `next` contains an entry for each edge: first all edges along the first index, then all edges
+    // along the second index.
     const NONE: u32 = u32::MAX;
     let mut next = vec![NONE; 2 * rows * columns];
     let id = |i: usize, j: usize| i * columns + j % columns;
@@ -39,8 +40,9 @@ pub(super) fn closed_curves(lattice: &impl Lattice) -> Vec<Vec<[f64; 2]>> {
             let leaves: Vec<usize> =
                 (0..4).filter(|e| within[*e] && !within[(e + 1) % 4]).collect();
             for edge in &leaves {
-                // The edge at which the curve continues. It is behind the inside corner of this
-                // edge or, if two inside corners are joined, ahead of the outside corner.
+                // The edge at which the curve continues. This is the next crossed edge backwards
+                // around the cell or, if two inside corners are joined, the next crossed edge
+                // forwards.
                 let joined = leaves.len() == 2 && lattice.joins([i, j]);
                 let back = if joined {
                     (edge + 1) % 4

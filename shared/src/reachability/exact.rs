@@ -4,9 +4,10 @@
 //! extended to every state. Lengths are scaled by the turning radius ρ = v/ω, so one formula holds
 //! for all speeds and turn rates.
 //!
-//! While the range decreases, V is the larger of two *sheets*: the smallest range if the evader
-//! turns right, or left, to the end and the pursuer responds optimally. V has a kink where the
-//! sheets intersect; elsewhere the larger sheet is smooth.
+//! While the range decreases, V + R is the larger of two *sheets*. One sheet is the smallest range
+//! if the evader turns right until the end and the pursuer responds optimally. The other sheet is
+//! the same for left turns. V has a kink where the sheets intersect; elsewhere the larger sheet is
+//! smooth.
 
 mod curve;
 
@@ -16,16 +17,16 @@ use crate::invalid::{Invalid, finite, length, positive};
 use crate::math::{PI, atan2, hypot, sin_cos, wrap_positive};
 use crate::parallel::parallel_parts;
 
-/// Sheets that differ by at most this, in turning radii, count as equal. The tolerance is several
-/// hundred times their rounding error at a range of a thousand turning radii.
+/// Sheets that differ by at most this many turning radii count as equal. The tolerance is several
+/// hundred times the sheets' rounding error at a range of a thousand turning radii.
 const KINK: f64 = 1e-9;
 
 /// The pursuer goes straight when its heading is within δ = 10⁻⁴ rad of the optimal heading. This
-/// constant is 1 − cos δ, the magnitude of its switching function |∂V/∂ψ|/ρ at δ. Keeping this
-/// heading until the end, at most π/ω later, costs less than 2·10⁻⁸ ρ.
+/// constant is 1 − cos δ, the magnitude of the pursuer's switching function |∂V/∂ψ|/ρ at δ. Keeping
+/// this heading until the end, at most π/ω later, costs the pursuer less than 2·10⁻⁸ ρ.
 const ALIGNED: f64 = 5e-9;
 
-/// Squared ranges, in turning radii, that do not overflow or lose digits.
+/// The squared ranges (in squared turning radii) that neither overflow nor lose digits.
 const SQUARES: core::ops::RangeInclusive<f64> = 1e-280..=f64::MAX;
 
 /// The value function of two vehicles with the same speed and largest turn rate.
@@ -85,18 +86,19 @@ impl ExactValue {
         self.metres(view.range.min(right.range.max(left.range)))
     }
 
-    /// Writes [`Self::value`] of each of `states` to `out`, with identical bits.
+    /// Writes the value at each of `states` to `out`. The results have the same bits as
+    /// [`Self::value`].
     ///
     /// # Errors
-    /// [`Invalid`] if `out` and `states` differ in length, or naming the first coordinate that is
-    /// not finite (such as `states[17].y`). `out` is then unchanged.
+    /// [`Invalid`] if `out` and `states` differ in length, or if a coordinate is not finite. The
+    /// error names the first such coordinate (for example `states[17].y`), and `out` is unchanged.
     pub fn values_into(&self, states: &[[f64; 3]], out: &mut [f64]) -> Result<(), Invalid> {
         check_states(states, out.len())?;
         self.fill(states, out);
         Ok(())
     }
 
-    /// [`Self::values_into`] on all available threads, or on one thread in a browser.
+    /// Like [`Self::values_into`], but on all available threads (in a browser, on one thread).
     ///
     /// # Errors
     /// The errors of [`Self::values_into`].
@@ -153,7 +155,7 @@ impl ExactValue {
         }
     }
 
-    /// The analysis of a state whose range is already at its smallest.
+    /// The analysis of a state whose current range is already the smallest range.
     fn at_its_smallest(&self, view: &Halfway, y: f64) -> ExactState {
         let Halfway { ahead, right, sin_half, cos_half, range, .. } = *view;
         // At range zero all directions are equally good, and the gradient is zero.
@@ -222,13 +224,13 @@ pub struct ExactState {
     /// (zero at range zero).
     ///
     /// The gradient is one-sided where V is not smooth. On the kink it is the gradient on the side
-    /// where the evader turns right. Where V = r − R, it is the gradient of r. On the surface
-    /// between increasing and decreasing range, both sides agree, except at equal headings (ψ = 0),
-    /// where V bends in ψ on one side.
+    /// where the evader turns right. Where V = r − R, it is the gradient of r. On the surface that
+    /// separates increasing from decreasing range, the gradients of both sides agree, except at
+    /// equal headings (ψ = 0), where V bends in ψ on one side.
     pub gradient: [f64; 3],
     /// The evader's optimal turn rate, ±ω (rad/s). It is the turn rate of the larger sheet, or
-    /// right (−ω) if both sheets are equal. It maximises a·(∂V/∂x·y − ∂V/∂y·x − ∂V/∂ψ), whose
-    /// factor is not zero while V < r − R.
+    /// right (−ω) if both sheets are equal. It maximises a·(∂V/∂x·y − ∂V/∂y·x − ∂V/∂ψ). The factor
+    /// of a is not zero while V < r − R.
     ///
     /// Where V = r − R, the factor is zero and the evader turns away from the pursuer: right if
     /// y ≥ 0, otherwise left. While it keeps this turn, the range never decreases.
@@ -317,11 +319,12 @@ impl Halfway {
 /// How the pursuer responds to an evader that turns one way to the end.
 #[derive(Clone, Copy, PartialEq)]
 enum Ending {
-    /// It turns the other way until the range is smallest.
+    /// The pursuer turns opposite to the evader until the range is smallest.
     OppositeTurns,
-    /// It turns the other way until it can go straight to the nearest point.
+    /// The pursuer turns opposite to the evader until it can go straight to the nearest point.
     Straight,
-    /// It first turns the same way as the evader, then goes straight until both headings are equal.
+    /// The pursuer first turns the same way as the evader, then goes straight until both headings
+    /// are equal.
     SameTurns,
 }
 
@@ -338,7 +341,8 @@ struct Sheet {
 impl Sheet {
     /// The sheet at the state (`ahead`, `right` > 0, h), with `rest` = π − h.
     ///
-    /// Inlined, because the value alone needs neither the direction nor its division.
+    /// Inlined, so that the compiler omits the direction and its division where only the value is
+    /// needed.
     #[inline]
     fn new(ahead: f64, right: f64, sin_half: f64, cos_half: f64, rest: f64) -> Self {
         let a = right - 2.0 * cos_half;
@@ -352,7 +356,7 @@ impl Sheet {
         let s = ((a - 2.0) * (a + 2.0) + b * b).sqrt();
         let square = a * a + b * b;
         let (cos_u, sin_u) = (2.0 * a - b * s, 2.0 * b + a * s);
-        // u ≤ π − h, tested by their cosines.
+        // Tests u ≤ π − h by comparing the cosines.
         if cos_u >= -cos_half * square {
             Self {
                 range: s - 2.0 * atan2(sin_u, cos_u),
@@ -360,8 +364,8 @@ impl Sheet {
                 direction: [cos_u / square, sin_u / square],
             }
         } else {
-            // The distance between the centres of the two turning circles, which is constant during
-            // equal turns.
+            // The distance between the centres of the two turning circles, which is constant while
+            // both vehicles turn the same way.
             let along = ahead + 2.0 * sin_half;
             let between = (along * along + right * right).sqrt();
             Self {
@@ -384,7 +388,7 @@ impl Sheet {
     }
 }
 
-/// A direction (ahead, right) as (x, y) in the evader's frame.
+/// Converts a direction (ahead, right) to (x, y) in the evader's frame.
 fn slope([ahead, right]: [f64; 2], sin_half: f64, cos_half: f64) -> [f64; 2] {
     [cos_half * ahead + sin_half * right, sin_half * ahead - cos_half * right]
 }

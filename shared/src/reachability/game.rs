@@ -28,7 +28,7 @@ pub trait Game<const D: usize>: Sync {
     fn speed_bounds<T: Real>(&self, terms: &[[T; TERMS]; D]) -> [T; D];
 
     /// The coordinates whose signs can all be reversed at once without changing the game. If grid,
-    /// target and obstacle have the same symmetry, the solver computes half of the nodes.
+    /// target and obstacle have the same symmetry, the solver computes only half of the nodes.
     fn mirror(&self) -> [bool; D] {
         [false; D]
     }
@@ -46,15 +46,15 @@ pub struct Inputs<A, B> {
 /// A game that also computes its players' optimal inputs, so that a solution can return them at any
 /// state.
 pub trait Players<const D: usize>: Game<D> {
-    /// The input type of the minimising player, such as `[f64; 1]`, or `[f64; 0]` without such a
-    /// player.
+    /// The input type of the minimising player, for example `[f64; 1]`; `[f64; 0]` if the game has
+    /// no such player.
     type Minimiser;
     /// The input type of the maximising player.
     type Maximiser;
 
     /// The inputs for which p · f(x, a, b) = H(x, p), with p = `gradient`. Each player's input is
-    /// optimal whatever the other player does. If p · f does not depend on an input, that input is
-    /// the middle of its range.
+    /// optimal regardless of the other player's input. If p · f does not depend on an input, that
+    /// input is the middle of its range.
     fn optimal_inputs(
         &self,
         state: [f64; D],

@@ -10,11 +10,12 @@ use serde::{Deserialize, Serialize};
 pub enum Boundary {
     /// The axis wraps around; the upper end is not a node.
     Periodic,
-    /// Values are extrapolated linearly with the slope at the edge. Its sign is chosen such that
-    /// they move away from zero, so that no false target enters from outside.
+    /// Values are extrapolated linearly with the magnitude of the slope at the edge. The sign is
+    /// chosen so that the extrapolated values move away from zero. No false target can then enter
+    /// from outside.
     Extrapolate,
     /// Values beyond the edge equal the value at the edge, so a path that leaves the grid keeps the
-    /// value that it had there.
+    /// value of the point where it leaves.
     Constant,
 }
 
@@ -32,7 +33,8 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// Nodes from `low` to `high`, both included; values are extrapolated beyond the ends.
+    /// An axis with nodes from `low` to `high`, both included. Values are extrapolated beyond the
+    /// ends.
     #[must_use]
     pub fn bounded(low: f64, high: f64, nodes: usize) -> Self {
         Self { low, high, nodes, boundary: Boundary::Extrapolate }
@@ -63,7 +65,7 @@ impl Axis {
         (self.high - self.low) / gaps as f64
     }
 
-    /// Coordinate of node `index`; ghost nodes have indices below 0 or from `nodes`.
+    /// Coordinate of node `index`; ghost nodes have indices below 0, or `nodes` and above.
     #[must_use]
     pub fn node(&self, index: isize) -> f64 {
         self.low + index as f64 * self.spacing()
@@ -107,7 +109,7 @@ pub struct Grid<const D: usize> {
 }
 
 impl<const D: usize> Grid<D> {
-    /// Number of nodes, saturating.
+    /// Number of nodes, or `usize::MAX` if the number overflows.
     #[must_use]
     pub fn len(&self) -> usize {
         self.axes.iter().fold(1, |n, axis| n.saturating_mul(axis.nodes))
@@ -136,7 +138,8 @@ impl<const D: usize> Grid<D> {
         index
     }
 
-    /// Checks ends and node counts for a stencil of `reach` nodes to each side.
+    /// Checks the ends and the number of nodes of every axis, for a stencil of `reach` nodes to
+    /// each side.
     ///
     /// # Errors
     /// [`Invalid`] naming the axis.
@@ -153,7 +156,7 @@ impl<const D: usize> Grid<D> {
         self.axes.iter().zip(state).all(|(axis, coordinate)| axis.contains(coordinate))
     }
 
-    /// Rejects a state that is not on the grid, naming the coordinate.
+    /// Rejects a state that is not on the grid. The error names the coordinate.
     pub(super) fn check_state(&self, state: [f64; D]) -> Result<(), Invalid> {
         for (d, (axis, coordinate)) in self.axes.iter().zip(state).enumerate() {
             if !axis.contains(coordinate) {
@@ -179,7 +182,7 @@ impl<const D: usize> Grid<D> {
             } else {
                 (place.clamp(0.0, (axis.nodes - 1) as f64), axis.nodes - 1)
             };
-            // Rounding may make `place` a whole period.
+            // Rounding may make `place` equal to a whole period.
             cell[d] = (place as usize).min(cells - 1);
             share[d] = place - cell[d] as f64;
         }

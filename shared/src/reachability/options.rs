@@ -47,9 +47,9 @@ impl Method {
     }
 }
 
-/// The size of the grid. Each has about twice as many nodes per axis as the previous one. If the
-/// horizon is finite or the method is Cartesian, the grid is just large enough for the states where V
-/// is at most half the radius, as estimated by a draft solve.
+/// The size of the grid. Each accuracy has about twice as many nodes per axis as the previous one.
+/// If the horizon is finite or the method is Cartesian, a draft solve estimates where V is at most
+/// half the radius. The grid is just large enough for these states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
@@ -129,7 +129,8 @@ impl CartesianGrid {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Options {
-    /// The method. If `None`, it is Cartesian if `grid` is set, otherwise [`Method::choose`].
+    /// The method. `None` selects the Cartesian method if `grid` is set, and otherwise
+    /// [`Method::choose`].
     pub method: Option<Method>,
     /// The horizon (s); infinite for the converged value.
     pub horizon_s: f64,
@@ -139,8 +140,9 @@ pub struct Options {
     pub grid: Option<CartesianGrid>,
     /// Largest range of the polar method (m); `None` for a default. For an infinite horizon, V
     /// depends on this range if the pursuer is faster. For a finite horizon, the default range just
-    /// contains the states where V is at most half the radius. V beyond it is an estimate that may
-    /// be metres too large. A larger range has the same number of nodes, farther apart.
+    /// contains the states where V is at most half the radius. Beyond this range, V is an estimate
+    /// that may be metres too large. With a larger range, the number of nodes stays the same, so
+    /// they are farther apart.
     pub range_m: Option<f64>,
     /// Number of threads; used for a finite horizon or with the Cartesian method.
     pub threads: usize,

@@ -5,21 +5,21 @@
 //!
 //! ṙ = v_p cos β − v_e cos α, α̇ = q/r − a, ψ̇ = b − a, q = v_e sin α + v_p sin β.
 //!
-//! The range is a plain advection, and the turn rates only shift the two angles. So each axis uses
-//! exact upwind differences, without Lax–Friedrichs dissipation. The unknown is the deficit
-//! W = V − (r − R) in [−r, 0]. It is 0 at r = 0 and wherever the range only increases. The range
-//! axis is r = c (eˢ − 1) with uniform s: linear near the danger zone, logarithmic far away, so a
-//! long range costs little. By the mirror symmetry (α, ψ) → (−α, −ψ), only α in [0, π] is solved.
+//! The range changes by pure advection, and the turn rates only shift the two angles. Each axis can
+//! therefore use exact upwind differences, without Lax–Friedrichs dissipation. The unknown is the
+//! deficit W = V − (r − R) in [−r, 0]. It is 0 at r = 0 and at every state from which the range
+//! only increases. The range axis is r = c (eˢ − 1) with uniformly spaced s. It is linear near the
+//! danger zone and logarithmic far away, so a long range needs few nodes. By the mirror symmetry
+//! (α, ψ) → (−α, −ψ), only α in [0, π] is solved.
 //!
-//! The evader's turn rate affects both angles. At equal headings, V has a ridge along ψ = 0, on
-//! which the evader stays by copying the pursuer's turn. The discrete Hamiltonian is therefore min
-//! over b of max over a, so that the evader reacts to the pursuer. Any other order, or the angle β
-//! in place of ψ, lowers the ridge by some tenths of a metre.
+//! The evader's turn rate affects both angles. At equal headings (ψ = 0), V has a ridge. The evader
+//! stays on the ridge by copying the pursuer's turn. The discrete Hamiltonian is therefore the
+//! minimum over b of the maximum over a, so that the evader reacts to the pursuer. Any other order,
+//! or the coordinate β instead of ψ, lowers the ridge by some tenths of a metre.
 //!
-//! For the converged value, every cell takes its own largest stable time step, new values are used
-//! immediately (Gauss–Seidel), the sweeps alternate in direction, rows that no longer change are
-//! skipped, and coarser grids give the initial guess. For a finite horizon, all cells take the same
-//! time steps.
+//! The converged value is computed by Gauss–Seidel sweeps in alternating directions. Every cell
+//! takes its own largest stable time step, and rows that no longer change are skipped. The initial
+//! guess comes from coarser grids. For a finite horizon, all cells take the same time steps.
 
 mod range;
 mod level;
@@ -53,9 +53,9 @@ pub struct Settings {
     pub range_nodes: usize,
     /// Number of nodes in a full turn of bearing and of heading; a multiple of 4.
     pub angle_nodes: usize,
-    /// The solve has converged when the mean drift of the rows in [`WINDOW`] sweeps is below this
-    /// fraction of the radius. The limit is lower if turns are so fast that a sweep covers little
-    /// time.
+    /// The solve has converged when the mean drift of the rows over [`WINDOW`] sweeps is at most
+    /// this fraction of the radius. The limit is lower if the vehicles turn so fast that a sweep
+    /// covers little time.
     pub tolerance: f64,
     /// Maximum number of sweeps over each grid, at least 1.
     pub most_sweeps: usize,
@@ -146,24 +146,25 @@ pub struct Solution<T> {
     /// `angle_nodes / 2 + 1` nodes, heading has `angle_nodes`.
     pub deficit: Vec<T>,
     /// Q(range, bearing in [0, 2π), heading in [0, 2π)), with W(α, ψ) = max(Q(α, ψ), Q(−α, −ψ)).
-    /// Near the surface where left and right turns are equally good for the evader, Q is the smooth
-    /// continuation of one of the two sides. Elsewhere Q = W.
+    /// Near the surface where left and right turns are equally good for the evader, Q continues W
+    /// smoothly from one of the two sides. Elsewhere Q = W.
     pub sheet: Vec<T>,
-    /// Number of sweeps over the finest grid or, for a finite horizon, of time steps.
+    /// Number of sweeps over the finest grid. For a finite horizon, the number of time steps.
     pub sweeps: usize,
     /// The largest |∂V/∂τ| at the end of a finite horizon (m/s); 0 for the converged value.
     pub rate_mps: f64,
-    /// The drift of the rows in [`WINDOW`] sweeps (m). The signed changes of a row are summed and
-    /// averaged over its cells, and their magnitudes are averaged over the rows. Cells at a kink
-    /// that oscillate between its two sides cancel out. 0 for a finite horizon.
+    /// The mean drift of the rows over [`WINDOW`] sweeps (m); 0 for a finite horizon. The drift of
+    /// a row is the magnitude of the mean signed change of its cells. Cells that oscillate between
+    /// the two sides of a kink therefore cancel out.
     pub drift_m: f64,
     /// Whether [`Self::drift_m`] was within the tolerance.
     ///
     /// If a faster pursuer with wider turns can attack repeatedly, each sweep lowers V slightly
-    /// everywhere. For an evader with 1.5 m/s and 0.8 rad/s, a pursuer with 2 m/s and 0.5 rad/s,
-    /// and R = 3 m, the median of V on the grid of 65 × 96 × 96 nodes is −2.4 m after 2,000 sweeps,
-    /// −2.6 m after 5,000 and −3.0 m after 24,000. It then stays there, because the range that the
-    /// evader can keep is smaller than a cell. So more sweeps do not make this value correct.
+    /// everywhere. For example, for an evader with 1.5 m/s and 0.8 rad/s, a pursuer with 2 m/s and
+    /// 0.5 rad/s, and R = 3 m, the median of V on the grid of 65 × 96 × 96 nodes is −2.4 m after
+    /// 2,000 sweeps, −2.6 m after 5,000 and −3.0 m after 24,000. It then no longer changes, because
+    /// the range that the evader can keep is smaller than a cell. More sweeps therefore do not give
+    /// the correct value.
     pub converged: bool,
 }
 
@@ -217,13 +218,13 @@ pub fn solve<T: Real>(
     }
     let half = settings.angle_nodes / 2 + 1;
     let nodes = settings.range_nodes.saturating_mul(half).saturating_mul(settings.angle_nodes);
-    // Arrays of half a turn: 2 for W and its copy, 4 for the sheet (a full turn) and its copy,
-    // during the solve or in the solution.
+    // The number of arrays that each cover half a turn of bearings, during the solve or in the
+    // solution: 2 for W and its copy, and 4 for the sheet (a full turn) and its copy.
     check_memory(nodes, 6, size_of::<T>(), settings.memory_limit_bytes)?;
 
     // Lengths are in units of about R/3, and times are scaled so that the faster player's speed is
-    // between 0.7 and 1.5. Small constants then suit any vehicle, and scaling by powers of two does
-    // not round.
+    // between 0.7 and 1.5. Fixed constants then suit any vehicles. Scaling by powers of two causes
+    // no rounding errors.
     let unit = game.length_unit_m();
     let fastest = game.evader.speed_mps.max(game.pursuer.speed_mps) / unit;
     let rate = power_of_two_near(fastest);
@@ -281,8 +282,8 @@ pub fn solve<T: Real>(
         if let Some(coarser) = &solved {
             level.start_from(coarser);
         }
-        // The discretization error is proportional to the square of the spacing, and the initial
-        // guess need not be more accurate.
+        // The initial guess need not be more accurate than the discretization error, which is
+        // proportional to the square of the spacing.
         let finer = (settings.angle_nodes / angle_nodes) as f64;
         let tolerance = settings.tolerance * small.radius_m * pace * finer * finer;
         let mut report = |drift: f64, sweep: usize| {
@@ -365,8 +366,8 @@ impl Scale {
     }
 }
 
-/// The fraction of a game's time that [`WINDOW`] sweeps cover, relative to the paper's game and at
-/// most 1. A cell's time step is short where an angle may change quickly.
+/// The time in the game that [`WINDOW`] sweeps cover, relative to the paper's game; at most 1. A
+/// cell's time step is short if an angle can change quickly.
 fn pace(game: &PursuitGame) -> f64 {
     let PursuitGame { evader, pursuer, radius_m } = *game;
     let closing = (evader.speed_mps + pursuer.speed_mps) / radius_m;
@@ -375,8 +376,9 @@ fn pace(game: &PursuitGame) -> f64 {
     (radians / PAPERS_PACE).min(1.0)
 }
 
-/// The angle (rad) that a vehicle drives around a circle of the danger radius while the state's
-/// angles could change by 1 rad. Slightly below the value in the paper's game (0.235).
+/// The arc (rad) that the faster vehicle drives on a circle of the danger radius in the time in
+/// which the state's angles can change by 1 rad. This constant is slightly below the value in the
+/// paper's game (0.235).
 const PAPERS_PACE: f64 = 0.22;
 /// Below this pace, single precision no longer resolves the changes of a sweep.
 const SLOWEST_PACE: f64 = 0.02;

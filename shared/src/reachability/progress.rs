@@ -10,7 +10,7 @@ pub struct Progress {
     /// the maximum number of steps.
     pub done: f64,
     /// Largest change of V per second at the last measurement. For the converged value of the polar
-    /// method, the drift in [`polar::WINDOW`](super::polar::WINDOW) sweeps (m).
+    /// method, this is the drift over [`polar::WINDOW`](super::polar::WINDOW) sweeps (m).
     pub residual: f64,
 }
 
@@ -44,7 +44,7 @@ pub(super) fn check_memory(
         return Ok(());
     }
     let mebibytes = |bytes: u64| format!("{:.0} MiB", bytes as f64 / f64::from(1 << 20));
-    // Both products saturate.
+    // Both numbers may have saturated.
     let about = if needed == u64::MAX { "more than" } else { "about" };
     let nodes = if nodes == usize::MAX { format!("more than {nodes}") } else { nodes.to_string() };
     Err(Invalid::new(

@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PursuitGame {
-    /// Maximises the smallest range.
+    /// The vehicle that maximises the smallest range.
     pub evader: VehicleModel,
-    /// Minimises the smallest range.
+    /// The vehicle that minimises the smallest range.
     pub pursuer: VehicleModel,
     /// Danger radius R (m).
     pub radius_m: f64,
@@ -31,7 +31,7 @@ impl PursuitGame {
     }
 
     /// A power of two (m) near a third of the radius: 1 m for the paper's radius of 3 m. Length
-    /// tolerances scale with it, and division by it does not round.
+    /// tolerances scale with this unit, and dividing by it causes no rounding error.
     #[must_use]
     pub fn length_unit_m(&self) -> f64 {
         power_of_two_near(self.radius_m / 3.0)
@@ -78,7 +78,8 @@ impl PursuitGame {
     }
 
     /// The optimal turn rates of evader and pursuer (rad/s) for the gradient p of V: the evader
-    /// maximises a (p₁ y − p₂ x − p₃), the pursuer minimises b p₃. Zero where the factor is zero.
+    /// maximises a (p₁ y − p₂ x − p₃), and the pursuer minimises b p₃. A turn rate is zero where
+    /// its factor is zero.
     #[must_use]
     pub fn optimal_turns(&self, [x, y, _]: [f64; 3], [p1, p2, p3]: [f64; 3]) -> [f64; 2] {
         // `signum` of ±0 would be ±1.

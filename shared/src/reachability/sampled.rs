@@ -54,8 +54,8 @@ pub struct SampledState {
 }
 
 impl SampledValue {
-    /// A value function from its deficit, row-major over [`Nodes::shape`]. For polar nodes, `sheet`
-    /// may be Q of [`polar::Solution::sheet`].
+    /// Creates a value function from its deficit, row-major over [`Nodes::shape`]. For polar nodes,
+    /// `sheet` may be Q of [`polar::Solution::sheet`].
     ///
     /// # Errors
     /// [`Invalid`] for an invalid game, nodes or horizon, a wrong number of values, a value that is
@@ -82,8 +82,8 @@ impl SampledValue {
         let table = match nodes {
             Nodes::Polar { angle_nodes: n, .. } => {
                 Table::new([n0 - 1, n / 2, n], |[i, j, k]| {
-                    // Mirrored at bearings 0 and π, constant beyond the last range, odd about r = 0,
-                    // where W is 0.
+                    // W is mirrored at bearings 0 and π, constant beyond the last range, and odd
+                    // about r = 0, where it is 0.
                     let mirrored = j < 0 || j > n as isize / 2;
                     let (j, k) = if mirrored {
                         (turn(-j, n), turn(-k, n))
@@ -99,7 +99,7 @@ impl SampledValue {
             }
             Nodes::Cartesian { .. } => Table::new([n0 - 1, n1 - 1, n2], |[i, j, k]| {
                 let k = turn(k, n2);
-                // Linear beyond the ends, so there is no curvature in the last cells.
+                // W continues linearly beyond the ends, so there is no curvature in the last cells.
                 let along = |i: isize, n: usize| {
                     let last = n as isize - 1;
                     let inner = i.clamp(0, last);
@@ -134,8 +134,8 @@ impl SampledValue {
         Ok(Self { game, nodes, horizon_s, unsettled_m: None, table, sheet, finder, bearings })
     }
 
-    /// A value function from samples of `value` on the nodes. V is at most r − R. Larger samples
-    /// are stored, but [`Self::state`] returns r − R for them.
+    /// Creates a value function from samples of `value` on the nodes. The value of a game is at
+    /// most r − R. Larger samples are stored, but [`Self::state`] returns r − R for them.
     ///
     /// # Errors
     /// The errors of [`SampledValue::new`].
@@ -184,7 +184,7 @@ impl SampledValue {
     /// How much the function was still changing (m) when the solver stopped without converging;
     /// `None` if it converged or the horizon is finite. This is not a bound on the error
     /// ([`ValueFunction::unsettled_m`](super::ValueFunction::unsettled_m)). For the polar method,
-    /// it is the change in [`polar::WINDOW`] sweeps, averaged over the rows. For the Cartesian
+    /// it is the change over [`polar::WINDOW`] sweeps, averaged over the rows. For the Cartesian
     /// method, it is the largest change in a second of the game.
     #[must_use]
     pub fn unsettled_m(&self) -> Option<f64> {
@@ -201,7 +201,7 @@ impl SampledValue {
     /// The value function of a Cartesian solution on a grid of x, y, ψ.
     ///
     /// # Errors
-    /// [`Invalid`] if a value is not finite, or the grid is not one of x, y, ψ.
+    /// [`Invalid`] if a value is not finite, or the axes of the grid are not x, y and ψ.
     pub fn from_cartesian<T: Real>(
         game: PursuitGame,
         horizon_s: f64,
@@ -244,8 +244,9 @@ impl SampledValue {
         (0..n0 * n1 * n2).map(move |p| self.table.node([p / (n1 * n2), p / n2 % n1, p % n2]))
     }
 
-    /// A box that contains every node with V ≤ `level`, widened by a cell but within the grid: the
-    /// lowest x, the highest x and the highest |y| (m). For Cartesian nodes only.
+    /// A box that contains every node with V ≤ `level`, as the lowest x, the highest x and the
+    /// largest |y| (m). The box is widened by one cell, but does not extend beyond the grid. For
+    /// Cartesian nodes only.
     pub(super) fn extent(&self, level: f64) -> [f64; 3] {
         let Nodes::Cartesian { x, y, .. } = self.nodes else {
             unreachable!("a draft has Cartesian nodes");
@@ -331,9 +332,9 @@ impl SampledValue {
         let (deficit, slope) = self.deficit_at(index, share);
         let [w0, w1, w2]: [f64; 3] = core::array::from_fn(|d| slope[d] * scale[d]);
         let radius_m = self.game.radius_m;
-        // Between nodes, interpolation may give V < −R (by the error of a chord of the range axis).
-        // On a kink, where one side is continued, the deficit may be positive. Both are clamped,
-        // and NaN stays NaN.
+        // Between nodes, the interpolation error along the range axis may give V < −R. At a kink,
+        // where a sheet continues one side, the deficit may be positive. Both are clamped, and NaN
+        // is preserved.
         let value = range - radius_m + if deficit > 0.0 { 0.0 } else { deficit };
         let value = if value < -radius_m { -radius_m } else { value };
         // Unit vector of the line of sight; straight ahead at range zero.

@@ -35,7 +35,7 @@ impl Scheme {
         }
     }
 
-    /// Number of stages, and order, of the TVD Runge–Kutta method.
+    /// Number of stages of the TVD Runge–Kutta method. It is also the order of the method.
     #[must_use]
     pub fn stages(self) -> usize {
         match self {
@@ -45,9 +45,9 @@ impl Scheme {
         }
     }
 
-    /// The fraction of the largest stable time step (CFL number) up to which the scheme keeps its
-    /// order. The one-sided ENO stencils are linearly stable only up to 0.5 (second order) and
-    /// 0.377 (third order).
+    /// The default CFL number, with which the scheme keeps its order. It is the time step as a
+    /// fraction of the largest stable first-order time step. The one-sided ENO stencils are
+    /// linearly stable only up to 0.5 (second order) and 0.377 (third order).
     #[must_use]
     pub fn cfl(self) -> f64 {
         match self {
@@ -71,16 +71,16 @@ impl Scheme {
 
 /// The kernel of a scheme.
 ///
-/// A *face* lies between two neighbouring nodes. The right derivative of the node before it and the
-/// left derivative of the node behind it use the same differences. Computed face by face, they
-/// share most of their arithmetic.
+/// A *face* lies between two neighbouring nodes. The right derivative at the node before the face
+/// and the left derivative at the node after it use the same differences. Computing both together
+/// saves most of the arithmetic of one of them.
 pub(super) trait Stencil: Send + Sync {
     /// Number of nodes used on each side of a node or face.
     const REACH: usize;
 
-    /// The right derivative of node 0 and the left derivative of node 1, for a spacing of 1/`unit`.
-    /// `v(k)` is the value at node k, from 1 − REACH to REACH. Scaling the data by a power of two
-    /// scales the derivatives exactly.
+    /// The right derivative at node 0 and the left derivative at node 1, for a spacing of 1/`unit`.
+    /// `v(k)` is the value at node k, with k from 1 − REACH to REACH. Scaling the data by a power
+    /// of two scales the derivatives exactly.
     fn face<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T);
 }
 
@@ -132,9 +132,9 @@ impl Stencil for Eno3 {
         let sixth = T::from_f64(1.0 / 6.0);
         let two = T::from_f64(2.0);
         let (four, five) = (T::from_f64(4.0), T::from_f64(5.0));
-        // The second differences select the side, the third differences the last node of the
-        // stencil. The left derivative of node 1 and the right derivative of node 0 have the same
-        // candidate stencils.
+        // The second differences select the side of the stencil, and the third differences select
+        // its last node. The left derivative at node 1 and the right derivative at node 0 have the
+        // same candidate stencils.
         let (before, behind) = (b1 < b2, b2 < b3);
         let pick = |first: T, middle: T, last: T| {
             let to_left = if before { first } else { middle };
@@ -163,21 +163,21 @@ impl Stencil for Weno5 {
         let d = |k: isize| v(k + 1) - v(k);
         let (d1, d2, d3, d4, d5) = (d(-2), d(-1), d(0), d(1), d(2));
         // The scale depends only on these five differences, so that kinks in a slope of 1 are still
-        // detected beside an obstacle of 10⁹. In units of a power of two near the largest
-        // difference, no product overflows or underflows.
+        // detected if the grid has an obstacle of 10⁹. The differences are divided by a power of
+        // two near the largest one, so that no product overflows or underflows.
         let largest = d1.abs().larger(d2.abs()).larger(d3.abs());
         let largest = largest.larger(d4.abs().larger(d5.abs()));
         let [power, per] = largest.power_of_two();
         let [n1, n2, n3, n4, n5] = [d1, d2, d3, d4, d5].map(|difference| difference * per);
         let (a1, a2, a3, a4) = (n2 - n1, n3 - n2, n4 - n3, n5 - n4);
-        // Three times the smoothness indicators of Jiang and Shu. Each is a sum of two squares, so
-        // that rounding cannot make it negative: 4a² − 11ab + 10b² = (2a − 11b/4)² + 39b²/16, and
-        // 4a² − 5ab + 4b² similarly. They belong to the three substencils, which are the same for
-        // both ends of the face.
+        // `s1` to `s3` are (3 β + epsilon)², with the smoothness indicators β of Jiang and Shu.
+        // Each 3 β is a sum of two squares, so that rounding cannot make it negative: 4a² − 11ab +
+        // 10b² = (2a − 11b/4)² + 39b²/16, and 4a² − 5ab + 4b² similarly. The three substencils are
+        // the same for both ends of the face.
         let square = |x: T| x * x;
         let rest = T::from_f64(39.0 / 16.0);
         let (outer_slope, inner_slope) = (T::from_f64(2.75), T::from_f64(1.25));
-        // Below 1 only if all differences are 0 or subnormal, or if `per` is 0.
+        // The product is below 1 only if all differences are 0 or subnormal, or if `per` is 0.
         let size = (largest * per).larger(T::from_f64(1.0));
         let epsilon = T::from_f64(EPSILON) * square(size);
         let (e1, e2, e3, e4) = (a1 + a1, a2 + a2, a3 + a3, a4 + a4);
@@ -185,8 +185,8 @@ impl Stencil for Weno5 {
         let s1 = square(square(e1 - outer_slope * a2) + r2);
         let s2 = square(square(e2 - inner_slope * a3) + r3);
         let s3 = square(square(e4 - outer_slope * a3) + r3);
-        // The weights γᵢ/sᵢ² with γ = (1, 6, 3)/10, times 10 s₁² s₂² s₃². With this common
-        // denominator, one division is enough.
+        // The weights γᵢ/sᵢ with γ = (1, 6, 3)/10, times 10 s₁ s₂ s₃. With this common denominator,
+        // one division is enough.
         let three = T::from_f64(3.0);
         let (first, last) = (s2 * s3, s1 * s2);
         let middle = T::from_f64(6.0) * (s1 * s3);
@@ -206,14 +206,15 @@ pub(super) const JUMP_REACH: usize = 3;
 
 /// Whether V jumps within the stencil of the face between nodes 0 and 1, for example beside an
 /// indicator obstacle. The slope must then come from these two nodes alone. Polynomials through a
-/// jump oscillate; between two jumps even the smoothest one does, and V would decrease in a passage
-/// of a few nodes although nothing can leave it. First order is monotone.
+/// jump oscillate. Between two jumps, even the smoothest polynomial does. V would then decrease in
+/// a passage of a few nodes, although nothing can leave the passage. The first-order scheme is
+/// monotone.
 ///
 /// Let q be a quarter of the largest difference between neighbours among the six nodes. At a jump,
-/// second differences larger than q occur with both signs. At a kink they have one sign, and where
-/// V is smooth they are small. If the jumps on both sides of a passage are blurred, they look like
-/// a kink. So `near` the obstacle's jumps, a face also counts as a jump if its difference is below
-/// q but a third difference exceeds q.
+/// second differences larger than q occur with both signs. At a kink, they all have the same sign.
+/// Where V is smooth, second differences are small. If the jumps on both sides of a passage are
+/// blurred, they look like a kink. Near the obstacle's jumps (`near`), a face therefore also counts
+/// as a jump if its difference is below q but a third difference exceeds q.
 #[inline(always)]
 pub(super) fn has_jump<T: Real>(v: impl Fn(isize) -> T, near: bool) -> bool {
     let d = |k: isize| v(k + 1) - v(k);
@@ -240,7 +241,7 @@ mod tests {
     use super::*;
     use crate::math::{cos, sin};
 
-    /// The left and the right derivative of node 0.
+    /// The left and the right derivative at node 0.
     fn pair<S: Stencil>(v: impl Fn(isize) -> f64, unit: f64) -> (f64, f64) {
         (S::face(|k| v(k - 1), unit).1, S::face(v, unit).0)
     }
@@ -293,8 +294,8 @@ mod tests {
         }
     }
 
-    /// Large differences beside small ones, in both number types, without a global scale of the
-    /// data.
+    /// Stencils that contain both large and small differences, in both number types, without a
+    /// global scale of the data.
     #[test]
     fn scales_within_one_stencil_do_no_harm() {
         fn check<T: Real>(exponents: core::ops::RangeInclusive<i32>) {

@@ -24,8 +24,8 @@ impl Default for CurveSettings {
 }
 
 impl CurveSettings {
-    /// Sets [`Self::flatness_m`], the largest distance of an edge from the curve of a closed form
-    /// (m).
+    /// Sets [`Self::flatness_m`], for closed forms: the largest distance between the curve and an
+    /// edge (m).
     #[must_use]
     pub fn with_flatness(self, flatness_m: f64) -> Self {
         Self { flatness_m, ..self }
@@ -58,8 +58,8 @@ impl ValueFunction {
         Ok(curves)
     }
 
-    /// [`Self::level_curves`], replacing the contents of `curves`. A closed form reuses the buffers
-    /// of `curves`.
+    /// Like [`Self::level_curves`], but replaces the contents of `curves`. For a closed form, the
+    /// buffers of `curves` are reused.
     ///
     /// # Errors
     /// The errors of [`Self::level_curves`]; `curves` is then empty.
@@ -104,7 +104,7 @@ impl ValueFunction {
     }
 }
 
-/// The nodes of one heading, inside a ring of nodes that count as outside.
+/// The nodes of one heading, surrounded by a ring of nodes that count as outside the set.
 struct SliceLattice<'a> {
     function: &'a SampledValue,
     slice: Slice<'a>,
@@ -145,7 +145,7 @@ impl<'a> SliceLattice<'a> {
         if self.polar { [0, 0] } else { [1, 1] }
     }
 
-    /// The grid node nearest to a lattice node, and whether the lattice node is this grid node.
+    /// The grid node nearest to a lattice node, and whether the lattice node is itself a grid node.
     fn node(&self, lattice: [usize; 2]) -> ([usize; 2], bool) {
         let size = self.slice.size();
         let ring = self.ring();
@@ -202,7 +202,7 @@ impl Lattice for SliceLattice<'_> {
             [from, to].map(|[i, j]| self.values[i * columns + j] - self.level);
         let (mut s, mut t) = (0.0, 1.0);
         let mut point = a;
-        // Regula falsi: between two nodes the function is nearly linear.
+        // Regula falsi converges fast, because the function is nearly linear between two nodes.
         for _ in 0..3 {
             let share = if high > low { s - low * (t - s) / (high - low) } else { s };
             point = [0, 1].map(|d| a[d] + share * (b[d] - a[d]));
@@ -220,7 +220,7 @@ impl Lattice for SliceLattice<'_> {
     }
 }
 
-/// The curves of a set that contains no node of the grid. The set is around range zero, where V is
+/// The curves of a set that contains no node of the grid. The set surrounds range zero, where V is
 /// smallest.
 fn between_nodes(slice: &SliceLattice<'_>) -> Vec<Vec<[f64; 2]>> {
     let is_in = |point| slice.excess_at(point) <= 0.0;
@@ -229,7 +229,7 @@ fn between_nodes(slice: &SliceLattice<'_>) -> Vec<Vec<[f64; 2]>> {
     }
     let spacings = slice.axes.iter().map(|axis| axis[1] - axis[0]);
     let mut spacing_m = spacings.fold(0.0, f64::max) / SPOT_NODES as f64;
-    // If the set contains only a few of the nodes, it is sampled again, more finely.
+    // If the set contains only a few of the fine nodes, it is sampled again with a smaller spacing.
     for _ in 0..MOST_LOOKS {
         let spot = Spot { slice, spacing_m };
         let nodes = (0..SPOT_SIDE * SPOT_SIDE).map(|n| [n / SPOT_SIDE, n % SPOT_SIDE]);
@@ -243,13 +243,13 @@ fn between_nodes(slice: &SliceLattice<'_>) -> Vec<Vec<[f64; 2]>> {
 
 /// Number of nodes of a [`Spot`] per spacing of the grid, before any refinement.
 const SPOT_NODES: usize = 16;
-/// Number of nodes along each side of a [`Spot`]: two spacings of the grid in each direction, and a
-/// ring.
+/// Number of nodes along each side of a [`Spot`]. It extends by two grid spacings in each
+/// direction, plus a ring of nodes.
 const SPOT_SIDE: usize = 2 * (2 * SPOT_NODES + 1) + 1;
-/// Largest number of refinements, which finds a set as small as a millionth of a spacing.
+/// Maximum number of samplings. They find a set as small as a millionth of a spacing.
 const MOST_LOOKS: usize = 10;
 
-/// A fine lattice around range zero, inside a ring of nodes that count as outside.
+/// A fine lattice around range zero, surrounded by a ring of nodes that count as outside the set.
 struct Spot<'a> {
     slice: &'a SliceLattice<'a>,
     spacing_m: f64,
@@ -290,8 +290,8 @@ impl Lattice for Spot<'_> {
     }
 }
 
-/// The refined curve. It has additional points, which are moved onto the level along the gradient,
-/// and the sharp corners between nodes.
+/// Refines a curve. Adds points, which are moved onto the level along the gradient, and the sharp
+/// corners between nodes.
 fn smoothed(
     curve: &[[f64; 2]],
     function: &SampledValue,
@@ -314,9 +314,9 @@ fn smoothed(
             continue;
         }
         let tip = tip([curve[i], curve[next]], [&states[i], &states[next]]);
-        // The tangents meet only near the corner, so the tip is moved onto the level on the line
-        // from the chord's middle. It is a corner if it misses the level by much less than the
-        // chord's middle does.
+        // The tangents meet near the corner, but not exactly at it. So the tip is moved onto the
+        // level along the line from the chord's middle. The tip is a corner if V there is much
+        // closer to the level than V at the chord's middle.
         let miss = |point: [f64; 2]| state(point).value - level;
         let middle = [0, 1].map(|d| 0.5 * (curve[i][d] + curve[next][d]));
         let from = miss(middle);
@@ -337,12 +337,13 @@ fn smoothed(
     smooth
 }
 
-/// Points of a curve miss its level by less than this (m, for a radius of about 3 m), unless they
-/// are on the grid's edge.
+/// At the points of a curve, V differs from the level by less than this (m, for a radius of about
+/// 3 m), unless the point is on the grid's edge.
 const ON_LEVEL_M: f64 = 0.02;
 
-/// The point where the tangents at both ends of a chord meet, if they turn by more than a sixth of
-/// a right angle and meet near the chord. The chord then cuts off a corner of the curve.
+/// The point where the tangents at both ends of a chord meet, if the chord cuts off a corner of the
+/// curve. This is the case if the tangents differ by more than a sixth of a right angle and meet
+/// near the chord.
 fn tip(ends: [[f64; 2]; 2], states: [&SampledState; 2]) -> Option<[f64; 2]> {
     let [[ax, ay, _], [bx, by, _]] = states.map(|state| state.gradient);
     let (turn, along) = (ax * by - ay * bx, ax * bx + ay * by);
@@ -382,7 +383,7 @@ impl Pieces {
                 let [gx, gy, _] = state.gradient;
                 let excess = state.value - self.level;
                 let steepness = gx * gx + gy * gy;
-                // On a kink the chord is the best approximation.
+                // A longer step occurs only at a kink, where the chord is the best approximation.
                 if excess.abs() < 0.5 * length * steepness.sqrt() {
                     let step = excess / steepness;
                     point = [point[0] - step * gx, point[1] - step * gy];

@@ -31,9 +31,9 @@ pub struct Solved {
     pub steps: usize,
     /// Number of threads used.
     pub threads: usize,
-    /// How much the solution still changes. With time steps, this is the largest |∂V/∂τ| (m/s),
-    /// which does not measure the error at the end of a finite horizon. For the converged value of
-    /// the polar method, it is the drift in [`polar::WINDOW`] sweeps (m). 0 for the closed form.
+    /// How much the solution was still changing at the end; 0 for the closed form. With time steps,
+    /// this is the largest |∂V/∂τ| (m/s). For a finite horizon, it does not measure the error. For
+    /// the converged value of the polar method, it is the drift over [`polar::WINDOW`] sweeps (m).
     pub residual: f64,
     /// Whether the solution had converged when the solve ended; `None` for a finite horizon. A
     /// chase by a barely faster pursuer can take longer than the longest solve.
@@ -43,10 +43,10 @@ pub struct Solved {
 /// Computes the value function of `game`.
 ///
 /// The grid is finite. If the pursuer is faster, it may win chases that lead beyond the grid, but
-/// the solver counts these chases as escapes. V is then too large by metres where they leave the
-/// grid and along their way, although the states are `inside` and [`ValueFunction::unsettled_m`] is
-/// small. To check this, solve again with twice the range ([`Options::with_range`]). Where V
-/// changes, the smaller range was too small.
+/// the solver counts these chases as escapes. V is then too large by metres where these chases
+/// leave the grid, and at the states on the way there, although the states are `inside` and
+/// [`ValueFunction::unsettled_m`] is small. To check this, solve again with twice the range
+/// ([`Options::with_range`]). Where V changes, the smaller range was too small.
 ///
 /// # Example
 /// ```
@@ -161,8 +161,8 @@ fn march<T: Real>(
     let horizon = if options.horizon_s.is_finite() {
         Horizon::Finite(options.horizon_s)
     } else {
-        // Optimal play of equal vehicles ends within half a turn. The march gives chases several
-        // times as long before it stops.
+        // Optimal play of equal vehicles ends within half a turn. Chases take longer, so the march
+        // may last several times as long before it stops.
         let slowest = game.evader.turn_rate_radps.min(game.pursuer.turn_rate_radps);
         Horizon::Converged { tolerance: settled(&game), longest_s: 8.0 * PI / slowest }
     };
@@ -189,8 +189,8 @@ fn widest_turn(game: &PursuitGame) -> f64 {
     radius(game.evader).max(radius(game.pursuer))
 }
 
-/// The settings of the polar method, and the fraction of the solve's progress that finding them
-/// takes.
+/// The settings of the polar method, and the fraction of the solve's progress that the search for
+/// these settings accounts for.
 fn polar_settings(
     game: &PursuitGame,
     options: &Options,
@@ -207,7 +207,8 @@ fn polar_settings(
         else {
             unreachable!("polar_nodes are polar");
         };
-        // Proportional to the discretization error, which decreases with the square of the spacing.
+        // The tolerance is proportional to the discretization error, which decreases with the
+        // square of the spacing.
         let tolerance = settings.tolerance
             * match options.accuracy {
                 Accuracy::Draft => 4.0,
@@ -228,7 +229,7 @@ fn polar_settings(
     if options.range_m.is_some() {
         return Ok((polar::Settings { range_m: largest_range(game, options)?, ..nodes }, 0.0));
     }
-    // From beyond this range, the vehicles cannot meet within the horizon.
+    // Vehicles that are farther apart than this range cannot meet within the horizon.
     let closing = game.evader.speed_mps + game.pursuer.speed_mps;
     let certain = game.radius_m + closing * options.horizon_s;
     let range_m = certain.min(largest_range(game, options)?);
@@ -269,15 +270,16 @@ fn polar_nodes(game: &PursuitGame, options: &Options) -> Result<Nodes, Invalid> 
 /// `options.accuracy`.
 ///
 /// A draft solve on a domain that certainly contains {V ≤ 0} shows where V is at most a margin c.
-/// Optimal paths from {V ≤ c} stay in this set, so V needs no states outside it. The spacing is h
-/// along x and y. Along ψ it is h divided by the largest |∂V/∂ψ|, which is twice a turning radius.
-/// Over one spacing, V then changes by as much along ψ as along x or y.
+/// Optimal paths from {V ≤ c} stay in this set, so the states outside it do not affect V in the
+/// set. The spacing is h along x and y. Along ψ it is h divided by the largest |∂V/∂ψ|, which is
+/// twice a turning radius. Over one spacing, V then changes by as much along ψ as along x or y.
 fn default_grid(
     game: PursuitGame,
     options: &Options,
     progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<CartesianGrid, SolveError> {
-    // The range from which the danger zone can be reached within the horizon, or within half a turn.
+    // The largest range from which the danger zone can be reached within the horizon, or within
+    // half a turn if that is shorter.
     let longest = PI / game.evader.turn_rate_radps.min(game.pursuer.turn_rate_radps);
     let closing = game.evader.speed_mps + game.pursuer.speed_mps;
     let far = game.radius_m + closing * options.horizon_s.min(longest);
@@ -300,7 +302,7 @@ fn default_grid(
     let sides = [x1 - x0, 2.0 * y1, TAU * 2.0 * widest_turn(&game)];
     let spacing = cbrt(sides.iter().product::<f64>() / count);
     let along = |side: f64| ((side / spacing).round() as usize).max(LEAST_CELLS);
-    // Multiples of a quarter turn and their mirror images are then nodes.
+    // With a multiple of 4, the quarter turns are nodes, and so is the mirror image of every node.
     let headings = along(sides[2]).clamp(nodes[2] / 2, 4 * nodes[2]).next_multiple_of(4);
     let spacing = (sides[0] * sides[1] * headings as f64 / count).sqrt();
     let along = |side: f64| ((side / spacing).round() as usize).max(LEAST_CELLS);

@@ -1,9 +1,9 @@
 //! The solid {V ≤ c} over x, y and ψ as a triangle mesh (dual contouring: Ju, Losasso, Schaefer and
 //! Warren, 2002).
 //!
-//! Each grid cell that the surface crosses has one vertex, at the intersection of the tangent
-//! planes of the crossings on its edges. A ridge therefore becomes a line of vertices on the ridge,
-//! and not a staircase along the grid's edges.
+//! Each grid cell that the surface crosses has one vertex. It is the intersection of the surface's
+//! tangent planes at the points where the surface crosses the cell's edges. A ridge therefore
+//! becomes a line of vertices on the ridge, and not a staircase along the grid's edges.
 
 #[cfg(test)]
 mod tests;
@@ -15,8 +15,8 @@ use crate::math::TAU;
 pub struct Sampling {
     low: [f64; 2],
     high: [f64; 2],
-    /// Number of nodes, one more at each end than requested. The first and the last node are
-    /// outside the solid.
+    /// Number of nodes along each axis, including one additional node at each end. The additional
+    /// nodes are outside the solid.
     nodes: [usize; 3],
     /// Row-major over x, y, ψ.
     values: Vec<f32>,
@@ -35,12 +35,12 @@ pub struct Surface {
     pub normals: Vec<[f64; 3]>,
 }
 
-/// A crossing is refined, in at most [`STEPS`] steps, until it misses the level by at most this
-/// fraction of the difference between its ends.
+/// A crossing is refined, in at most [`STEPS`] steps, until its value differs from the level by at
+/// most this fraction of the difference between the values at the edge's ends.
 const MISS: f64 = 1e-4;
 const STEPS: usize = 24;
 /// Regularization weight that pulls a vertex to the mean of its crossings. It determines the vertex
-/// in directions in which the planes do not.
+/// in the directions in which the planes leave it undetermined.
 const PULL: f64 = 0.01;
 /// Largest distance of a vertex outside its cell, in sides of the cell.
 const BEYOND: f64 = 0.9;
@@ -52,7 +52,7 @@ struct Crossing {
     /// The node at which the edge begins, and its axis.
     node: [usize; 3],
     axis: usize,
-    /// Whether the edge begins inside.
+    /// Whether the edge begins inside the solid.
     leaves: bool,
     at: [f64; 3],
     normal: Normal,
@@ -68,19 +68,21 @@ enum Normal {
     Unknown,
 }
 
-/// The planes through the crossings of a cell, in the cell's own coordinates from 0 to 1.
+/// The tangent planes at the crossings of a cell's edges, in coordinates from 0 to 1 within the
+/// cell.
 #[derive(Clone, Default)]
 struct Cell {
     place: [usize; 3],
     count: f64,
     sum: [f64; 3],
-    /// Σ n nᵀ and Σ n (n · p).
+    /// Sums over the planes with normal n and crossing p: Σ n nᵀ and, in the next field,
+    /// Σ n (n · p).
     square: [[f64; 3]; 3],
     right: [f64; 3],
-    /// For each axis, the coordinate at which the solid is cut off, if it is.
+    /// For each axis, the coordinate at which the solid is cut off, if any.
     face: [Option<f64>; 3],
     jumps: bool,
-    /// The sum of the normals at the crossings where the function is on the level.
+    /// The sum of the normals that are gradients of the function.
     lean: [f64; 3],
 }
 
@@ -228,7 +230,7 @@ impl Sampling {
 
 impl Crossing {
     /// The four cells around the crossing's edge, counter-clockwise seen from the end of the edge.
-    /// The outermost nodes are all outside, so no edge between them is crossed.
+    /// No edge between two of the outermost nodes is crossed, because these nodes are all outside.
     fn cells(&self) -> [[usize; 3]; 4] {
         let (u, v) = ((self.axis + 1) % 3, (self.axis + 2) % 3);
         [(1, 1), (0, 1), (0, 0), (1, 0)].map(|(back_u, back_v)| {
@@ -288,8 +290,8 @@ impl Cell {
         self.within(add(middle, away, 1.0))
     }
 
-    /// The nearest point in the cell, widened by [`BEYOND`] because a ridge may pass just outside
-    /// its cells, and on the faces that cut off the solid.
+    /// The nearest point that is in the cell and on the faces that cut off the solid. The cell is
+    /// widened by [`BEYOND`], because a ridge may pass just outside its cells.
     fn within(&self, at: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|d| self.face[d].unwrap_or(at[d].clamp(-BEYOND, 1.0 + BEYOND)))
     }
@@ -351,7 +353,7 @@ impl Surface {
     /// The volume that the surface encloses (m²·rad).
     #[must_use]
     pub fn volume(&self) -> f64 {
-        // The flux of (x, 0, 0), by the divergence theorem.
+        // By the divergence theorem, the volume is the flux of (x, 0, 0) through the surface.
         let flux = |triangle: &[u32; 3]| {
             let [p, q, r] = triangle.map(|v| self.vertices[v as usize]);
             let [normal_x, ..] = cross(add(q, p, -1.0), add(r, p, -1.0));
@@ -362,7 +364,8 @@ impl Surface {
 }
 
 /// The zero of `excess` between a state inside and a state outside, each given with its excess.
-/// Also returns whether `excess` is 0 there; if it jumps, no state is on the level.
+/// Also returns whether `excess` is nearly 0 there. It is not if `excess` jumps between the two
+/// states.
 fn crossing(
     excess: impl Fn([f64; 3]) -> f64,
     (inside, mut low): ([f64; 3], f64),
@@ -370,8 +373,8 @@ fn crossing(
 ) -> ([f64; 3], bool) {
     let (mut s, mut t) = (0.0, 1.0);
     let at = |share: f64| [0, 1, 2].map(|d| inside[d] + share * (outside[d] - inside[d]));
-    // Regula falsi, which keeps the zero bracketed. Halving the value of an end prevents it from
-    // being kept forever (Illinois method).
+    // Regula falsi, which keeps the zero bracketed. If the same end is kept twice, its value is
+    // halved, so that it is not kept forever (Illinois method).
     let mut last = None;
     let miss = MISS * (high - low);
     for _ in 0..STEPS {

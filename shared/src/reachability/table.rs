@@ -1,15 +1,15 @@
 //! Interpolation in a three-dimensional table.
 
-/// Number of ghost entries before the first and behind the last cell of each axis, so that every
-/// stencil is within the table.
+/// Number of ghost entries before the first cell and after the last cell of each axis, so that
+/// every stencil is within the table.
 const BEFORE: usize = 1;
 const BEHIND: usize = 2;
 
-/// One number for each of the four edges of a cell along one axis.
+/// One number for each of a cell's four edges that are parallel to one axis.
 type Four = [f32; 4];
 
-/// The entries along all four edges of a cell in the direction of one axis: before the edges, at
-/// their two ends, and behind them. The last argument contains the strides of the other axes.
+/// The entries along a cell's four edges that are parallel to one axis: before the edges, at their
+/// two ends, and after them. The last argument contains the strides of the other axes.
 #[inline(always)]
 fn edges(values: &[f32], cell: usize, stride: usize, [slow, fast]: [usize; 2]) -> [Four; 4] {
     let mut edges = [[0.0; 4]; 4];
@@ -37,7 +37,8 @@ fn bends([before, from, to, behind]: [Four; 4]) -> Four {
 /// Values on a box of nodes, with ghosts.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Table {
-    /// Number of cells of each axis: one less than its nodes, or as many if the axis is periodic.
+    /// Number of cells of each axis: one less than the number of nodes, or equal to it if the axis
+    /// is periodic.
     cells: [usize; 3],
     strides: [usize; 3],
     values: Vec<f32>,
@@ -89,11 +90,12 @@ impl Table {
     /// The value and its derivatives (per cell) at position `share` (from 0 to 1 along each axis)
     /// of cell `index`.
     ///
-    /// Trilinear, plus a parabola along each axis whose curvature is the smaller of the second
-    /// differences at both ends of a cell's edge. This is of third order where the data are smooth.
-    /// It does not overshoot at a single kink. (Between two walls that are one cell apart it would,
-    /// but no game of this table has walls.) It is continuous, because on a face it depends only on
-    /// entries in the face's plane.
+    /// Trilinear interpolation, plus a parabola along each axis. The curvature of the parabola is
+    /// the smaller of the second differences at both ends of a cell's edge. The interpolant is
+    /// third-order accurate where the data are smooth, and it does not overshoot at a single kink.
+    /// (It would overshoot between two walls that are one cell apart, but no game of this table has
+    /// walls.) It is continuous, because its values on a face depend only on entries in the face's
+    /// plane.
     #[inline(always)]
     pub(super) fn interpolate(&self, index: [usize; 3], share: [f64; 3]) -> (f64, [f64; 3]) {
         let origin = self.offset(index);

@@ -1,11 +1,11 @@
 //! A compact and deterministic encoding of value functions.
 //!
-//! The closed form is a line of JSON with its parameters. A sampled function is a line of JSON,
-//! whose `"octets"` is the number of bytes that follow, and then its deficits in whole
-//! [`QUANTUM_M`]. Each deficit is stored as its difference from a prediction, which is computed
-//! from the neighbours towards the origin. The differences are variable-length integers (7 bits per
-//! byte, low bits first, zigzag sign). With `"float32": true`, the deficits follow as little-endian
-//! f32 instead.
+//! A closed form is encoded as a line of JSON with its parameters. A sampled function is encoded as
+//! a line of JSON, followed by its deficits as multiples of [`QUANTUM_M`]. `"octets"` is the number
+//! of bytes after the line. Each deficit is stored as its difference from a prediction, which is
+//! computed from the neighbours at lower indices. The differences are variable-length integers (7
+//! bits per byte, low bits first, zigzag sign). With `"float32": true`, the deficits follow as
+//! little-endian f32 instead.
 //!
 //! `"crc32"` in the first line of a file is the checksum of all bytes without this entry. It is not
 //! part of the function's address ([`ValueFunction::id`]). Older files have no checksum.
@@ -24,8 +24,9 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
 
-/// Deficits are stored in multiples of this quantum (m) times [`PursuitGame::length_unit_m`] (1 for
-/// a radius between 2.1 m and 4.2 m), so the rounding error is at most half a multiple.
+/// Deficits are rounded to multiples of a step: this quantum (m) times
+/// [`PursuitGame::length_unit_m`] (1 for a radius between 2.1 m and 4.2 m). The rounding error is
+/// at most half a step.
 pub const QUANTUM_M: f64 = 0.001;
 
 const FORMAT: &str = "sidestep-value-function/1";
@@ -50,7 +51,8 @@ enum Header {
         /// [`SampledValue::unsettled_m`]; absent if it is `None`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         unsettled_m: Option<f64>,
-        /// Whether a sheet follows the deficits, as differences from them unless `float32` is set.
+        /// Whether a sheet follows the deficits. Its values are stored as differences from the
+        /// deficits, unless `float32` is set.
         sheet: bool,
         #[serde(rename = "octets")]
         bytes: usize,
@@ -88,14 +90,15 @@ impl ValueFunction {
         header.with(&body)
     }
 
-    /// [`Self::encode`] with a checksum, for files, which have no other protection.
+    /// Like [`Self::encode`], but with a checksum. It is meant for files, which have no other
+    /// protection.
     #[must_use]
     pub fn encode_with_checksum(&self) -> Vec<u8> {
         summed(self.parts(false))
     }
 
-    /// [`Self::encode_with_checksum`] without rounding, so that [`Self::decode`] returns an equal
-    /// function. It takes three to four times as many bytes.
+    /// Like [`Self::encode_with_checksum`], but without rounding, so that [`Self::decode`] returns
+    /// an equal function. It takes three to four times as many bytes.
     #[must_use]
     pub fn encode_unrounded(&self) -> Vec<u8> {
         summed(self.parts(true))
@@ -185,7 +188,7 @@ impl ValueFunction {
     }
 }
 
-/// All bytes, with their checksum.
+/// The encoded bytes, with their checksum in the header.
 fn summed((mut header, body): (Header, Vec<u8>)) -> Vec<u8> {
     let sum = checksum(&header.with(&body));
     *header.crc32() = Some(sum);

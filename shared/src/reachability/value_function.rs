@@ -32,8 +32,8 @@ pub struct ValueState {
     /// Whether the values come from the closed form.
     pub exact: bool,
     /// Whether the state is within the solved grid. Outside, V is the range margin (range minus
-    /// radius) plus the deficit at the nearest point of the grid's boundary. Inside, V depends on
-    /// the size of the grid: for a faster pursuer, a larger grid may give a different V.
+    /// radius) plus the deficit at the nearest point of the grid's boundary. Even inside, V depends
+    /// on the size of the grid: for a faster pursuer, a larger grid may give a different V.
     pub inside: bool,
 }
 
@@ -79,12 +79,12 @@ impl ValueFunction {
         }
     }
 
-    /// Writes [`Self::value`] of each of `states` to `out`, with identical bits, on all available
-    /// threads.
+    /// Writes the value at each of `states` to `out`, on all available threads. The results have
+    /// the same bits as [`Self::value`].
     ///
     /// # Errors
-    /// [`Invalid`] if `out` and `states` differ in length, or naming the first coordinate that is
-    /// not finite (such as `states[17].y`). `out` is then unchanged.
+    /// [`Invalid`] if `out` and `states` differ in length, or if a coordinate is not finite. The
+    /// error names the first such coordinate (for example `states[17].y`), and `out` is unchanged.
     pub fn values_into(&self, states: &[[f64; 3]], out: &mut [f64]) -> Result<(), Invalid> {
         match self {
             Self::Exact(exact) => exact.parallel_values_into(states, out),

@@ -20,7 +20,7 @@ pub struct StratifiedScene {
     /// The strata of the encounter.
     pub strata: Strata,
     /// The planned strata. They differ from `strata` if the planned cell has no admissible scene,
-    /// or if this scene exchanged a stratum with such a scene.
+    /// or if this scene exchanged a stratum with a scene whose planned cell has none.
     pub planned: Strata,
 }
 
@@ -28,7 +28,7 @@ pub struct StratifiedScene {
 const TRIES_IN_CELL: usize = 4;
 /// Maximum number of scenes tried for an exchange.
 const PARTNERS: usize = 64;
-/// Number of draws in growing neighbourhoods of a cell.
+/// Maximum number of draws in growing neighbourhoods of a cell.
 const TRIES: usize = 4000;
 
 /// The `count` scenes, in order, of the participant at `place` (0, 1, 2, …) of a study's phase.
@@ -40,21 +40,21 @@ const TRIES: usize = 4000;
 ///   N participants (2N for odd N), each stratum occurs equally often at each position, and equally
 ///   often directly after each other stratum. This always holds.
 /// - **Pairs.** Over N participants, each pair of an approach and a miss stratum is planned once,
-///   and so is each pair of an approach and an entry stratum. For this, the partners of an approach
-///   stratum shift from one participant to the next by strides that are coprime to N. Pairs of a
-///   miss and an entry stratum repeat as rarely as two such shifts allow. After N participants, the
-///   shifts have a new offset.
+///   and so is each pair of an approach and an entry stratum. To achieve this, the miss and entry
+///   strata that are paired with an approach stratum shift from one participant to the next, by
+///   strides that are coprime to N. Pairs of a miss and an entry stratum repeat as rarely as two such
+///   shifts allow. After every N participants, the shifts get a new offset.
 /// - **Labels.** The assignment of strata to positions in these patterns is drawn once per study,
 ///   so that neighbouring positions are not neighbouring angles, distances or times.
 ///
 /// Many planned cells have no admissible scene. For example, vehicles that meet head-on after eight
-/// seconds would start too far apart, and nearly parallel ones that meet after two seconds too
-/// close. The scene of such a cell exchanges its entry stratum with another scene of the
-/// participant, chosen at random among those for which both new cells have an admissible scene.
-/// Thus the participant's scenes remain a Latin hypercube, and the pairs of approach and miss
-/// strata remain as planned. If no entry strata can be exchanged, miss strata are. If that is
-/// impossible too, the scene moves to the nearest possible cell, which leaves a stratum empty.
-/// Scenes never lose their approach stratum.
+/// seconds would start too far apart, and nearly parallel vehicles that meet after two seconds
+/// would start too close. The scene of such a cell exchanges its entry stratum with another scene
+/// of the participant, chosen at random among those for which both new cells have an admissible
+/// scene. Thus the participant's scenes remain a Latin hypercube, and the pairs of approach and
+/// miss strata remain as planned. If no entry strata can be exchanged, the scene exchanges its miss
+/// stratum. If that is impossible too, the scene moves to the nearest possible cell, which leaves a
+/// stratum empty. Scenes never lose their approach stratum.
 ///
 /// The same seed and place give the same scenes on every platform. Each phase of a study needs its own seed.
 ///
@@ -117,12 +117,12 @@ struct Person<'a> {
     rng: SeededRng,
     /// The cell of each scene.
     strata: Vec<Strata>,
-    /// Each scene; `None` while its cell has no admissible scene.
+    /// Each scene. `None` while its cell has no admissible scene.
     drawn: Vec<Option<(Scene, Encounter)>>,
 }
 
 impl Person<'_> {
-    /// A scene in a cell; `None` if the cell seems to have no admissible scene.
+    /// A scene in a cell. `None` if the cell seems to have no admissible scene.
     fn draw_in(&mut self, cell: Strata) -> Option<(Scene, Encounter)> {
         let count = self.strata.len() as f64;
         (0..TRIES_IN_CELL).find_map(|_| {
@@ -189,7 +189,8 @@ fn planned_strata(count: usize, seed: u64, place: u64) -> Vec<Strata> {
     let modulus = count as u64;
     let (block, place_in_block) = (place / modulus, place % modulus);
     let [miss, entry] = strides(modulus).map(|stride| place_in_block * stride % modulus);
-    // From block to block, the miss strata shift every time, the entry strata every second time.
+    // In every block, the miss strata shift by one more. The entry strata do so in every second
+    // block.
     let [miss, entry] = [miss + block % modulus, entry + block / 2 % modulus];
     let shifted = |part: usize, shift: u64| ((part as u64 + shift) % modulus) as usize;
     williams_order(count, place)
@@ -201,9 +202,10 @@ fn planned_strata(count: usize, seed: u64, place: u64) -> Vec<Strata> {
 
 /// The shifts of the miss and the entry strata from one participant to the next. Both strides are
 /// coprime to `count`, so that each pair with an approach stratum occurs once over `count`
-/// participants. A pair of a miss and an entry stratum repeats as often as the gcd of `count` and
-/// the strides' difference. A stratum repeats at a position as often as the gcd of `count` and its
-/// stride plus one. Both gcds are as small as strides below [`LARGEST_STRIDE`] allow.
+/// participants. Over these participants, a pair of a miss and an entry stratum occurs either never
+/// or gcd(`count`, difference of the strides) times. A stratum occurs at a position either never or
+/// gcd(`count`, its stride + 1) times. Both numbers are as small as strides below
+/// [`LARGEST_STRIDE`] allow.
 fn strides(count: u64) -> [u64; 2] {
     let coprime = |stride: &u64| common_divisor(*stride, count) == 1;
     let candidates = || (1..LARGEST_STRIDE).filter(coprime);
@@ -263,8 +265,8 @@ mod tests {
 
     #[test]
     fn pairs_of_miss_and_entry_repeat_as_little_as_they_can() {
-        // For even numbers, two shifts must repeat each pair of the first block. The second block
-        // has the other half of the pairs.
+        // For even counts, two shifts must repeat each pair of the first block. The second block
+        // contains the other half of the pairs.
         for (count, blocks, expected) in [(7, 1, 1), (25, 1, 1), (20, 2, 2), (50, 2, 2)] {
             let places = 0..(blocks * count) as u64;
             let cells: Vec<_> =
@@ -314,7 +316,7 @@ mod tests {
             assert!(drawn.iter().all(|scene| scene.strata[APPROACH] == scene.planned[APPROACH]));
             moved += drawn.iter().filter(|scene| scene.strata[MISS] != scene.planned[MISS]).count();
         }
-        // Of 15 000 strata and 5000 scenes.
+        // The limits are for 15 000 strata and 5000 scenes.
         assert!(emptied <= 30, "{emptied}");
         assert!(moved <= 50, "{moved}");
     }
@@ -343,7 +345,7 @@ mod tests {
                 map[scene.strata[APPROACH] / 10][scene.strata[ENTRY] / 10] += 1;
             }
         }
-        // 5000 scenes: 200 per cell if all cells had admissible scenes.
+        // If all cells had admissible scenes, 5000 scenes would give 200 per cell.
         for (approach, row) in map.iter().enumerate() {
             for (entry, times) in row.iter().enumerate() {
                 let too_far = matches!(approach, 0 | 4) && entry >= 3;
@@ -364,7 +366,7 @@ mod tests {
         assert!((0.35..=PI).contains(&angle));
     }
 
-    /// The scenes of a place equal those of the first version of this method.
+    /// The scenes of a place equal the scenes that the first version of this method gave.
     #[test]
     fn scenes_of_a_place_never_change() {
         let mut hash = Sha256::new();

@@ -168,7 +168,7 @@ mod tests {
         assert_ne!(scenes(5, 9), scenes(5, 10));
     }
 
-    /// The scenes of a seed equal those of the first version of this method.
+    /// The scenes of a seed equal the scenes that the first version of this method gave.
     #[test]
     fn scenes_of_a_seed_never_change() {
         let mut hash = Sha256::new();
@@ -188,14 +188,14 @@ mod tests {
         assert!(generate(&parameters, &EncounterRange::default(), 1, 0).is_err());
     }
 
-    /// The plain rules find the same scenes, bit for bit.
+    /// [`is_admissible`] and the faster rules admit the same scenes, bit for bit.
     #[test]
     fn the_plain_rules_draw_the_same_scenes() {
         let default = SceneParameters::default();
         let vehicle = |speed_mps, turn_rate_radps| VehicleModel { speed_mps, turn_rate_radps };
         let studies = [
             (default, 59),
-            // V_HR without a closed form, and steps that do not divide a second.
+            // V_HR has no closed form, and the steps do not divide a second.
             (SceneParameters { robot: vehicle(2.4, 0.4), step_s: 0.3, steps: 33, ..default }, 12),
             (SceneParameters { human: vehicle(3.0, 0.8), step_s: 1.5, steps: 8, ..default }, 12),
             // The end of the trial truncates escapes.

@@ -23,7 +23,7 @@ pub(super) fn place(parameters: &SceneParameters, encounter: Encounter, turn_rad
     let human_heading = wrap_angle(turn_rad + encounter.approach_rad);
     let (rs, rc) = sin_cos(robot_heading);
     let (hs, hc) = sin_cos(human_heading);
-    // The robot's velocity relative to the human's.
+    // The robot's velocity relative to the human's velocity.
     let wx = parameters.robot.speed_mps * rc - parameters.human.speed_mps * hc;
     let wy = parameters.robot.speed_mps * rs - parameters.human.speed_mps * hs;
     let w = hypot(wx, wy);
@@ -33,7 +33,7 @@ pub(super) fn place(parameters: &SceneParameters, encounter: Encounter, turn_rad
     // The robot's start relative to the human's start: the miss vector, moved back along w.
     let dx = -encounter.miss_m * wy / w - wx * closest_s;
     let dy = encounter.miss_m * wx / w - wy * closest_s;
-    // Centre the box around both straight paths, so that the canvas shows all of it.
+    // Centres the box around both straight paths, so that the canvas shows the complete paths.
     let ahead_h = parameters.human.speed_mps * parameters.duration_s();
     let ahead_r = parameters.goal_distance_m();
     let centre = |a: [f64; 4]| {

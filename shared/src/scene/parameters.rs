@@ -58,8 +58,8 @@ impl SceneParameters {
         self.robot.speed_mps * self.duration_s()
     }
 
-    /// The game whose value is the safety level of `evader`. If both vehicles have the same speed and
-    /// turn rate, it is the same game in both roles.
+    /// The game whose value is the safety level of `evader`. If both vehicles have the same speed
+    /// and turn rate, both evaders have the same game.
     #[must_use]
     pub fn game(&self, evader: Evader) -> PursuitGame {
         let (evader, pursuer) = match evader {

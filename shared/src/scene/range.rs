@@ -105,7 +105,7 @@ mod tests {
     fn complaints_name_the_field_and_its_unit() {
         type Change = fn(&mut EncounterRange);
         let cases: [(Change, &str, &str); 12] = [
-            // Degrees for radians, milliseconds for seconds.
+            // Degrees instead of radians, and milliseconds instead of seconds.
             (|r| r.min_approach_rad = 20.0, "min_approach_rad", "radians"),
             (|r| r.max_entry_s = 8000.0, "max_entry_s", "seconds"),
             (|r| r.min_approach_rad = 0.0, "min_approach_rad", "radians"),

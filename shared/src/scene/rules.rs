@@ -1,6 +1,6 @@
 //! Admissibility of scenes.
 //!
-//! [`is_admissible`] is the definition: it simulates each escape step by step, like a trial.
+//! [`is_admissible`] is the definition. It simulates each escape step by step, like a trial.
 //! [`SceneRules`] makes the same decision a thousand times faster, from the geometry of straight
 //! lines and one turn. Where rounding errors could matter, it calls the definition, so that the
 //! scenes of a seed stay the same, bit for bit.
@@ -35,8 +35,8 @@ pub fn is_admissible(parameters: &SceneParameters, range: &EncounterRange, scene
     if closest_with_manoeuvre(parameters, scene, TurnInput::Straight, 0, 0) > radius {
         return false;
     }
-    // Drawing scenes must not wait for a solve. If V_HR has no closed form, only the escape below
-    // decides.
+    // Drawing scenes must not wait until V_HR is solved numerically. If V_HR has no closed form,
+    // only the search for an escape below decides.
     if let Ok(value) = parameters.game(Evader::Human).exact()
         && value.value(scene.start().robot_seen_by_human()) <= 0.0
     {
@@ -75,12 +75,12 @@ fn closest_with_manoeuvre(
 /// (about 10⁻¹¹).
 const ROUNDING: f64 = 1e-9;
 
-/// How all sampled distances of a part of a drive compare with a limit.
+/// The result of comparing all sampled distances of a part of a drive with a limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Distances {
-    /// All distances are greater.
+    /// All distances are greater than the limit.
     Above,
-    /// At least one distance is smaller.
+    /// At least one distance is smaller than the limit.
     Below,
     /// One distance is so close to the limit that rounding errors could change the result.
     Unclear,
@@ -171,8 +171,8 @@ impl<'a> SceneRules<'a> {
         clear.unwrap_or_else(|| is_admissible(self.parameters, self.range, scene))
     }
 
-    /// The decision for a start at an admissible distance; `None` if rounding errors could change
-    /// it.
+    /// The decision for a start at an admissible distance. Returns `None` if rounding errors could
+    /// change the decision.
     fn judge(&self, start: &JointState) -> Option<bool> {
         let parameters = self.parameters;
         let relative = start.robot_seen_by_human();
@@ -271,11 +271,11 @@ impl<'a> SceneRules<'a> {
                 let distance = hypot(x, y);
                 match compare(distance, limit, margin) {
                     Distances::Above => {}
-                    // Longer turns contain this point, too.
+                    // Longer turns pass through this point, too.
                     Distances::Below => return best,
                     Distances::Unclear => return Distances::Unclear,
                 }
-                // For this number of samples the vehicles cannot come as close as the limit.
+                // For this number of samples, the vehicles cannot come as close as the limit.
                 let free = (distance - limit - margin) / closing_m;
                 sample = sample.saturating_add((free as usize).max(1));
             }

@@ -20,7 +20,7 @@ pub struct JointState {
 }
 
 impl JointState {
-    /// The state after `seconds` (s) in which the human holds `input`. The robot never turns.
+    /// The state after the human has held `input` for `seconds` (s). The robot never turns.
     #[must_use]
     pub fn advance(&self, parameters: &SceneParameters, input: TurnInput, seconds: f64) -> Self {
         Self {

@@ -87,7 +87,7 @@ impl Stratification {
         self.count
     }
 
-    /// The encounter at these shares of the coordinates' ranges, each in [0, 1).
+    /// The encounter at these shares of the coordinates' ranges. Each share is in [0, 1).
     #[must_use]
     pub fn encounter(&self, [approach, miss, entry]: [f64; 3]) -> Encounter {
         Encounter {

@@ -1,10 +1,10 @@
 //! Baselines: families of predicted sets to compare with SHFRS.
 //!
-//! Four families are widened reachable sets under simple bounds ([`worst_case`],
-//! [`constant_velocity`], [`hold_the_input`], [`learned_disturbance`], all through
-//! `WidenedInputs`). Two families are learned from the positions of recorded futures and use no
-//! vehicle model: [`Gaussian`] and [`PerModeEmpirical`]. Their largest set is the worst-case set.
-//! So every family has a level whose set contains every window.
+//! Four families are reachable sets under simple bounds that are widened by the level
+//! ([`worst_case`], [`constant_velocity`], [`hold_the_input`] and [`learned_disturbance`]; all use
+//! `WidenedInputs`). Two families, [`Gaussian`] and [`PerModeEmpirical`], are learned from recorded
+//! futures. Only their largest set is a reachable set, namely the worst-case set. Therefore, every
+//! family has a level whose set contains every window.
 
 mod swept;
 mod simple_bounds;
@@ -55,9 +55,9 @@ trait LearnedFamily: Family {
     /// [`Family::score`].
     fn least_level(&self, window: &Window<'_>) -> Result<f64, Invalid>;
 
-    /// The set of positions after each step at a level, as the vertices of a convex polygon in the
-    /// frame of the human at the window's start (m). `None` at the largest level, whose set is the
-    /// worst-case set.
+    /// For each step, the set of positions at `level`, as the vertices of a convex polygon in the
+    /// frame of the human at the window's start (m). Returns `None` at the largest level, whose set
+    /// is the worst-case set.
     fn step_sets(&self, window: &Window<'_>, level: f64) -> Option<Vec<Vec<[f64; 2]>>>;
 }
 
@@ -79,7 +79,8 @@ fn place(pose: Pose, [x, y]: [f64; 2]) -> [f64; 2] {
     [pose.x + cos * x - sin * y, pose.y + sin * x + cos * y]
 }
 
-/// Cache of areas at one level. The key is an area's other parameter, which many windows share.
+/// Cache of areas at one level. Apart from the level, an area depends on one parameter, which is
+/// the key. Many windows share its value.
 #[derive(Clone, Debug, Default)]
 struct Areas {
     level: Option<f64>,

@@ -2,7 +2,7 @@
 //!
 //! With `base` roll-outs, Algorithm 1 and its bounds before widening do not depend on ε. The area
 //! of a tube depends only on its bounds, which many windows share. So a change of ε requires only
-//! membership tests in the changed set, and one area per distinct bounds.
+//! membership tests in the changed set, and one area for each distinct list of bounds.
 
 use super::probability::{Judged, first_inside, holds};
 use super::widened::{tube_area_m2, widened};
@@ -13,7 +13,7 @@ use crate::invalid::Invalid;
 use std::collections::HashMap;
 
 /// Cache for the windows of some trajectories under one [`Prediction`]. Results are bit-identical
-/// to those of [`judge`](super::probability::judge). A different prediction or different
+/// to the results of [`judge`](super::probability::judge). A different prediction or different
 /// trajectories need a new cache.
 #[derive(Clone, Debug, Default)]
 pub struct Memory {
@@ -45,7 +45,7 @@ type Rates = Vec<(f64, f64)>;
 struct Bases {
     /// The bounds, and the areas (m²) of their tubes by widening (rad/s).
     all: Vec<(Rates, Recent<f64>)>,
-    /// Indices into `all`, by the bits of the rates.
+    /// Maps the bits of the rates to an index into `all`.
     places: HashMap<Vec<u64>, usize>,
 }
 
@@ -60,7 +60,8 @@ const RECENT: usize = 32;
 const BASES: usize = 4096;
 
 impl Memory {
-    /// Evaluates windows of trajectory `place`, which must have the number of steps of `settings`.
+    /// Evaluates windows of the trajectory with index `place`. The windows must have the number of
+    /// steps of `settings`.
     ///
     /// # Errors
     /// [`Invalid`] if the prediction fails.
@@ -78,7 +79,8 @@ impl Memory {
         windows.iter().map(|window| self.judge_one(place, window, prediction, settings)).collect()
     }
 
-    /// If the roll-out settings changed, clears the windows, and the bounds if there are too many.
+    /// If the roll-out settings changed, clears the cached windows. Also clears the cached bounds
+    /// if there are more than [`BASES`].
     fn prepare(&mut self, settings: &BoundsSettings) {
         let widening = match settings.rollout() {
             Rollout::Paper => settings.epsilon()[0],
@@ -188,8 +190,8 @@ mod tests {
         }
     }
 
-    /// Changes settings as a user does who moves sliders. Each result is bit-identical to a result
-    /// without a cache.
+    /// Changes the settings like a user who moves sliders. Each result is bit-identical to the
+    /// result without a cache.
     #[test]
     fn what_was_known_before_changes_no_bit() {
         let mut rng = SeededRng::new(7);
@@ -224,7 +226,7 @@ mod tests {
                 found.extend(kept.iter().map(|judged| judged.first));
             }
         }
-        // Each set was the smallest set that contains the trajectory of some window.
+        // Each set was the smallest set around the trajectory of at least one window.
         assert!((0..4).all(|set| found.contains(&set)));
     }
 

@@ -1,7 +1,7 @@
 //! Bounds on the probability that the human comes within R_c of the robot in the coming steps.
 //!
-//! Let S be the score of the window that begins now: the least ε whose sets F_ε(t_i) contain the
-//! future trajectory. S_1 … S_n are the scores of the calibration trajectories.
+//! Let S be the score of the window that begins now, that is, the least ε whose sets F_ε(t_i)
+//! contain the future trajectory. S_1 … S_n are the scores of the calibration trajectories.
 //!
 //! * If F_ε(t_i) misses the robot's disc at every step, the human can enter the disc only if S > ε.
 //!   For the largest such ε, the upper bound is U = (1 + #{S_i > ε})/(n + 1).
@@ -17,8 +17,8 @@
 //! * P(the human stays out, and L ≥ 1 − α) ≤ α.
 //!
 //! If ε were fixed in advance, U and L would also bound mean frequencies: P(the human enters, and
-//! F_ε misses) ≤ E U. But here ε depends on the scene. If people are harder to predict near the
-//! robot, U can be too small there, because it is a marginal bound and not a bound for each scene.
+//! F_ε misses) ≤ E U. But here, ε depends on the scene. If people are harder to predict near the
+//! robot, U can be too small there. U is a marginal bound and not a bound for each scene.
 
 use super::guarantee::Unit;
 use super::scores::Scores;
@@ -42,10 +42,10 @@ pub struct DangerBounds {
     /// Upper bound U.
     pub high: f64,
     /// The largest calibrated ε (rad/s) whose set lies inside the disc at some step. `None` if not
-    /// even the smallest set does.
+    /// even the smallest of these sets lies inside the disc.
     pub epsilon_inside: Option<f64>,
     /// The largest calibrated ε (rad/s) whose set misses the disc at every step. `None` if not even
-    /// the smallest set does.
+    /// the smallest of these sets misses the disc.
     pub epsilon_missing: Option<f64>,
     /// Steps ahead, T.
     pub steps: usize,
@@ -55,8 +55,9 @@ pub struct DangerBounds {
     pub statement: String,
 }
 
-/// Upper bound on the distance (m) by which polygons fall short of their sets: at the rear of sets
-/// without straight driving (within 3.7 mm of the reference), and because edges are chords.
+/// Upper bound on the distance (m) by which polygons fall short of their sets. They fall short at
+/// the rear of sets without straight driving (by 3.7 mm at most, compared with the reference), and
+/// along all curves, because their edges are chords.
 const DRAWN_TOO_SMALL_M: f64 = 0.004;
 
 /// Computes the bounds from the joint states up to now. `scores` are the scores of calibration

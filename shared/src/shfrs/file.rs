@@ -17,10 +17,11 @@ pub struct ShfrsFile {
     pub steps: usize,
     /// The widening ε of each set's bounds (rad/s), ascending; at most [`MOST_SETS`] sets.
     pub epsilon: Vec<f64>,
-    /// Number of most probable actions to include at each step ahead, ≥ 1; not together with `tau`.
+    /// Number of most probable actions to include at each step ahead, ≥ 1. Must be absent if `tau`
+    /// is present.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub k: Option<Vec<usize>>,
-    /// Minimum probability of an included action, in (0, 1]; not together with `k`.
+    /// Minimum probability of an included action, in (0, 1]. Must be absent if `k` is present.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tau: Option<f64>,
     /// Whether the bounds in roll-outs are widened by ε_1.
@@ -165,8 +166,8 @@ impl ShfrsFile {
         }
     }
 
-    /// Sets the number of sets. The last set always stays, because it contains everything. New sets
-    /// are inserted midway between the last two sets.
+    /// Sets the number of sets. The last set is never removed, because it contains everything. New
+    /// sets are inserted midway between the last two sets.
     pub fn resize(&mut self, sets: usize) {
         while self.epsilon.len() > sets.max(1) {
             let place = self.epsilon.len() - 2;
@@ -198,7 +199,8 @@ impl ShfrsFile {
     }
 
     /// Copies the steps, actions, roll-outs and first ε from `first`. Sets that are not wider than
-    /// this first set are spread evenly between it and the next wider set.
+    /// the new first set get values of ε that are evenly spaced between the first ε and the next
+    /// larger ε.
     pub fn begin_with(&mut self, first: &Self) {
         (self.steps, self.rollout) = (first.steps, first.rollout);
         (self.k, self.tau) = (first.k.clone(), first.tau);
@@ -219,7 +221,8 @@ impl ShfrsFile {
         self.epsilon[0] = least;
     }
 
-    /// Whether both have a first set, with the same settings. The ε of later sets are ignored.
+    /// Whether `self` and `first` agree in everything except the ε of later sets. Returns `false`
+    /// if either has no sets.
     #[must_use]
     pub fn begins_with(&self, first: &Self) -> bool {
         let of = |file: &Self| Self { epsilon: file.epsilon[..1].to_vec(), ..file.clone() };
@@ -286,8 +289,8 @@ impl ShfrsFile {
     }
 }
 
-/// Formats a number ≥ 0 for [`decimal`]: with all of its digits if it fits into 16 characters,
-/// otherwise with twelve decimal places.
+/// Formats a number ≥ 0 so that [`decimal`] can parse it. Writes all digits if the text then has at
+/// most 16 characters, and twelve decimal places otherwise.
 fn written(value: f64) -> String {
     let text = value.to_string();
     if text.len() > 16 { format!("{value:.12}") } else { text }

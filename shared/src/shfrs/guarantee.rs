@@ -1,11 +1,12 @@
-//! Calibration guarantees about the sets of future trajectories.
+//! Calibrated guarantees that predicted sets contain future trajectories.
 //!
 //! All guarantees are *marginal*: they hold over trajectories that are exchangeable with the
 //! calibration trajectories, not for each scene or each participant. The split of the data
 //! ([`Unit`]) determines which trajectories are exchangeable. New tasks of the same people are
 //! exchangeable with these people's other tasks. Trajectories of new people are not, because the
-//! trajectories of one person are alike. Guarantees also require that people drive like the vehicle
-//! of the prediction; `Trajectory::check` verifies this for recorded trajectories.
+//! trajectories of one person are alike. Guarantees also require that people's trajectories obey
+//! the vehicle model of the prediction; `Trajectory::check` verifies this for recorded
+//! trajectories.
 
 use super::scores::Scores;
 use crate::invalid::Invalid;
@@ -26,8 +27,9 @@ pub enum Unit {
     /// People, with one random trajectory drawn from each person. Statements hold for new people.
     /// If people are exchangeable, the drawn trajectories are exchangeable too, no matter how
     /// similar the trajectories of a person are and how many each person drove. So everything that
-    /// holds for exchangeable scores holds for their scores (Dunn, Wasserman and Ramdas, Journal of
-    /// the American Statistical Association 118, 2023, call this subsampling once).
+    /// holds for exchangeable scores also holds for the scores of the drawn trajectories. Dunn,
+    /// Wasserman and Ramdas (Journal of the American Statistical Association 118, 2023) call this
+    /// method subsampling once.
     People,
 }
 
@@ -58,15 +60,16 @@ pub enum Guarantee {
     /// the next trajectory with probability ≥ p, on average over calibrations.
     Conformal,
     /// Probably approximately correct: the level is the j-th smallest score, where j is the least
-    /// rank with P(Beta(j, n + 1 − j) ≤ p) ≤ δ. For all but a share δ of calibrations, the sets
+    /// rank with P(Beta(j, n + 1 − j) ≤ p) ≤ δ. Except in a share δ of calibrations, the sets
     /// contain a share ≥ p of future trajectories.
     Pac {
         /// Probability that the calibration fails, δ, in (0, 1).
         delta: f64,
     },
-    /// For sets that need not be nested (`paper` roll-outs). Levels are tested in sequence, the
-    /// safest first. The sequence ends at the first level with P(Bin(n, p) ≥ hits) > δ, and the
-    /// level before it is used. The guarantee is the same as for `Pac`, but it holds for any sets.
+    /// Fixed-sequence testing, for sets that need not be nested (`paper` roll-outs). Levels are
+    /// tested in sequence, the safest first. Testing stops at the first level with P(Bin(n, p) ≥
+    /// hits) > δ, and the level before it is used. The guarantee is the same as for `Pac`, but it
+    /// does not require nested sets.
     FixedSequence {
         /// Probability that the calibration fails, δ, in (0, 1).
         delta: f64,
@@ -86,7 +89,7 @@ impl Guarantee {
         }
     }
 
-    /// Accepts probabilities in (0, 1) and at least two levels.
+    /// Checks that probabilities are in (0, 1) and that there are at least two levels.
     ///
     /// # Errors
     /// [`Invalid`] that names the field.
@@ -121,7 +124,7 @@ impl Guarantee {
         Ok((rounded_up(least) as usize).max(1))
     }
 
-    /// Accepts `n` calibration trajectories if they suffice for probability `p`.
+    /// Checks that `n` calibration trajectories suffice for probability `p`.
     ///
     /// # Errors
     /// [`Invalid`] that states how many are needed.
@@ -134,8 +137,8 @@ impl Guarantee {
         Err(Invalid::new("calibration trajectories", expected, n))
     }
 
-    /// The rank, from 1, of the score among `n` ascending scores that gives the level. With this
-    /// level, the sets of a nested family have the guarantee.
+    /// The rank, from 1, of the level among `n` ascending scores. With the score of this rank as
+    /// the level, the sets of a nested family have the guarantee.
     ///
     /// # Errors
     /// [`Invalid`] if there are too few scores, a probability is not in (0, 1), or the guarantee is
@@ -160,8 +163,8 @@ impl Guarantee {
         }
     }
 
-    /// The parameters (a, b) = (rank, n + 1 − rank) of a Beta distribution. It is the distribution
-    /// of the share of trajectories that the sets will contain after a calibration with `n` scores.
+    /// The parameters (a, b) = (rank, n + 1 − rank) of a Beta distribution. After a calibration
+    /// with `n` scores, the share of trajectories that the sets will contain has this distribution.
     /// A choice that is made before the calibration must assume this distribution. A fixed sequence
     /// has the parameters of `Pac`.
     ///
@@ -221,7 +224,7 @@ impl Guarantee {
 /// setting i contains. The setting passes if P(Bin(n, p) ≥ hits) ≤ δ. Because testing stops at the
 /// first failure, the probability that *any* accepted setting contains a share below p is at most δ
 /// (fixed-sequence testing, as in Angelopoulos et al., Learn then Test). The order must not depend
-/// on these trajectories.
+/// on the calibration trajectories.
 ///
 /// # Errors
 /// [`Invalid`] if p or δ is not in (0, 1), there are more hits than trajectories, or the first
@@ -389,8 +392,8 @@ mod tests {
         assert!(pac.starts_with("With confidence 0.95") && pac.contains("new people's"), "{pac}");
     }
 
-    /// The settings contain shares of trajectories in no particular order. The accepted setting is
-    /// rarely wrong.
+    /// The sets of the settings contain different shares of trajectories, in no particular order.
+    /// The accepted setting is rarely wrong.
     #[test]
     fn a_fixed_sequence_is_seldom_wrong() {
         let mut rng = SeededRng::new(12);

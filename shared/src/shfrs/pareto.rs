@@ -1,8 +1,9 @@
 //! Compares families of predicted sets by coverage and area, on the same windows.
 //!
-//! Levels are calibrated on some trajectories and evaluated on others. The set of a calibrated level
-//! contains a new trajectory with probability ≥ p, on average over trajectories that are exchangeable
-//! with the calibration trajectories (split conformal prediction), not for each scene or participant.
+//! Levels are calibrated on some trajectories and evaluated on others. The set of a calibrated
+//! level contains a new trajectory with probability ≥ p. This guarantee of split conformal
+//! prediction holds on average over trajectories that are exchangeable with the calibration
+//! trajectories. It does not hold for each scene or each participant.
 
 use super::baselines::{
     Gaussian, Mode, Nominal, PerModeEmpirical, WORST_CASE, constant_velocity, hold_the_input,
@@ -149,15 +150,15 @@ pub struct Pareto {
 }
 
 impl Pareto {
-    /// The mean area of a row as a share of the mean area of the worst-case family. `None` if the
-    /// comparison lacks the worst case.
+    /// The mean area of a row as a share of the mean area of the worst-case family. Returns `None`
+    /// if the comparison does not include the worst-case family.
     #[must_use]
     pub fn share_of_worst_case(&self, row: &ParetoRow) -> Option<f64> {
         let worst = self.rows.iter().find(|of| of.family == WORST_CASE)?;
         Some(row.mean_area_m2 / worst.mean_area_m2)
     }
 
-    /// Adds the results of further families on the same windows.
+    /// Adds the results of further families, which must have been computed on the same windows.
     pub fn extend(&mut self, other: Self) {
         self.rows.extend(other.rows);
         self.curves.extend(other.curves);
@@ -180,13 +181,14 @@ pub struct ParetoRow {
     pub coverage: f64,
     /// Lower end of the interval of `coverage` (Clopper and Pearson).
     pub coverage_low: f64,
-    /// Upper end of this interval.
+    /// Upper end of the interval of `coverage`.
     pub coverage_high: f64,
     /// Mean area of the set of this level over the test windows (m²).
     pub mean_area_m2: f64,
 }
 
-/// The coverage and area of a family at all of its levels, on the test windows.
+/// The coverage and area of a family on the test windows, at levels that are scores of these
+/// windows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParetoCurve {
     /// The name of the family, [`Family::name`].
@@ -292,7 +294,7 @@ fn judge(
         })
     };
     let rows = settings.targets.iter().map(row).collect::<Result<_, Invalid>>()?;
-    // Of levels that differ only by rounding, only the largest is kept.
+    // Keeps only the largest of several levels that differ only by rounding errors.
     let mut levels: Vec<f64> = scores.sorted().iter().rev().copied().collect();
     levels.dedup_by(|smaller, larger| *larger - *smaller <= 1e-6 * family.most());
     levels.reverse();
@@ -321,7 +323,7 @@ fn mean_area(
     Ok(areas.sum::<Result<f64, Invalid>>()? / windows.len() as f64)
 }
 
-/// At most `most` of the values, evenly spaced in the list and including both ends.
+/// At most `most` of the values, at evenly spaced indices that include both ends of the list.
 fn thinned(values: &[f64], most: usize) -> impl Iterator<Item = f64> {
     let count = values.len().min(most);
     let last = values.len() - 1;
@@ -335,7 +337,7 @@ mod tests {
     use crate::scene::JointState;
     use crate::vehicle::Pose;
 
-    /// Sets whose area equals their level; a window's score is its first turn rate.
+    /// Sets whose area equals their level. The score of a window is its first turn rate.
     struct Plain(&'static str);
 
     impl Family for Plain {
@@ -374,14 +376,14 @@ mod tests {
         let found = settings(vec![0.5, 0.75, 0.9]);
         let found = pareto(&mut families, &drives(19), &drives(10), &found).unwrap();
         let levels: Vec<f64> = found.rows.iter().map(|row| row.level).collect();
-        // The ⌈20 p⌉-th of 19 scores.
+        // The ⌈20p⌉-th smallest of 19 scores.
         assert_eq!(levels, [10.0, 15.0, 18.0]);
         let coverages: Vec<f64> = found.rows.iter().map(|row| row.coverage).collect();
         assert_eq!(coverages, [1.0; 3]);
         assert_eq!((found.calibration_trajectories, found.test_trajectories), (19, 10));
         assert_eq!(found.window_choice, "random_one");
         assert_eq!(found.rows[0].mean_area_m2, 10.0);
-        // ⌈19.2⌉ = 20 scores would be needed.
+        // The required rank ⌈20 · 0.96⌉ = ⌈19.2⌉ = 20 exceeds the number of scores.
         let complaint = pareto(&mut families, &drives(19), &drives(10), &settings(vec![0.96]));
         assert_eq!(complaint.unwrap_err().found, "19");
     }

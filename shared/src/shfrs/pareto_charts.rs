@@ -12,7 +12,7 @@ pub fn panels(found: &Pareto) -> Vec<Chart> {
     (0..found.curves.len()).map(|family| axes.panel(found, family)).collect()
 }
 
-/// "2.07, 5.12, 5.21 m²": the areas of a family at its calibrated levels.
+/// The areas of a family at its calibrated levels, such as "2.07, 5.12, 5.21 m²".
 #[must_use]
 pub fn areas(found: &Pareto, curve: &ParetoCurve) -> String {
     let rows = found.rows.iter().filter(|row| row.family == curve.family);
@@ -76,8 +76,8 @@ impl Axes {
         chart
     }
 
-    /// The curve is a staircase, because a larger set has the same coverage until it contains
-    /// another trajectory.
+    /// The curve is a staircase, because the coverage of a growing set stays constant until the set
+    /// contains another trajectory.
     fn curve(&self, curve: &ParetoCurve, colour: Colour, opacity: f64, width: f64) -> Series {
         let mut line: Vec<Point> = Vec::new();
         let mut before = self.least_coverage;

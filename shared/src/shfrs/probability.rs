@@ -33,8 +33,8 @@ pub struct Probabilities {
 }
 
 /// Estimates the probabilities. `first[i]` has an entry for each window of trajectory i: the index,
-/// from 0, of the smallest of the `sets` sets that contains the window. The intervals are those of
-/// [`share`], which assumes that trajectories are independent, but not that windows are.
+/// from 0, of the smallest of the `sets` sets that contains the window. [`share`] computes the
+/// intervals. It assumes that trajectories are independent, but not that windows are independent.
 ///
 /// # Errors
 /// [`Invalid`] if there are no sets or no windows, an index is too large, or `confidence` is not in
@@ -93,7 +93,7 @@ pub struct Regions {
     pub window_choice: String,
     /// Largest distance from the set (m) at which a recorded position counted as inside.
     pub tolerance_m: f64,
-    /// Largest difference (rad) at which a recorded heading counted as inside.
+    /// Largest heading difference from the set (rad) at which a recorded heading counted as inside.
     pub tolerance_rad: f64,
     /// The probabilities with trajectories as independent observations. They hold for new tasks of
     /// the same people.
@@ -104,8 +104,8 @@ pub struct Regions {
     pub by_people: Option<Probabilities>,
     /// Mean area of each set's tube over the windows (m²).
     pub mean_area_m2: Vec<f64>,
-    /// Each mean area as a share of the worst-case area, which is the area of the last set because
-    /// it admits every turn rate.
+    /// Each mean area as a share of the worst-case area. The last set has the worst-case area,
+    /// because it admits every turn rate.
     pub share_of_worst_case: Vec<f64>,
 }
 
@@ -126,8 +126,8 @@ pub fn regions(
     count.regions(choice, prediction.tolerance, settings, confidence)
 }
 
-/// Like [`regions`], but also sets [`Regions::by_people`]. Person `person[i]`, counted from 0,
-/// drove trajectory i.
+/// Like [`regions`], but also sets [`Regions::by_people`]. `person[i]` is the index, from 0, of the
+/// person who drove trajectory i.
 ///
 /// # Errors
 /// The errors of [`regions`].
@@ -163,7 +163,7 @@ fn counted(
     Ok(Count(parallel_map(&windows, |windows| judge(windows, &prediction, settings))?))
 }
 
-/// Accepts settings whose last set contains every trajectory.
+/// Checks that the last set contains every trajectory.
 ///
 /// # Errors
 /// [`Invalid`] that names the last ε.
@@ -284,7 +284,8 @@ pub(super) fn first_inside(
 /// Whether a window's trajectory is inside the reachable set under `bounds` at every step.
 ///
 /// # Errors
-/// [`Invalid`] if the window's number of steps is not that of `bounds`, or a parameter is invalid.
+/// [`Invalid`] if the window and `bounds` differ in their number of steps, or a parameter is
+/// invalid.
 pub(super) fn holds(
     bounds: &InputBounds,
     window: &Window<'_>,
@@ -313,10 +314,10 @@ mod tests {
     use crate::stats::clopper_pearson;
 
     /// Simulates studies of 8 people with 50 tasks each. For four fifths of the people, a task
-    /// stays inside with probability 0.97; for the others, with probability 0.3. So for new people,
-    /// the probability is 0.8 · 0.97 + 0.2 · 0.3 = 0.836. The interval with people as observations
-    /// covers this probability as often as stated. The interval with tasks as observations, as if
-    /// the tasks were from 400 people, misses it more often than not.
+    /// stays inside with probability 0.97. For the other people, the probability is 0.3. So for new
+    /// people, the probability is 0.8 · 0.97 + 0.2 · 0.3 = 0.836. The interval with people as
+    /// observations covers this probability as often as stated. The interval with tasks as
+    /// observations, as if the tasks were from 400 people, misses it more often than not.
     #[test]
     fn intervals_for_new_people_need_people_as_observations() {
         let mut rng = SeededRng::new(12);

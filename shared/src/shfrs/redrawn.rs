@@ -8,8 +8,8 @@ use crate::vehicle::Pose;
 use core::ops::ControlFlow;
 
 impl Shfrs {
-    /// The sets of a human at `start` under `bounds`, which has one entry per ε of the settings.
-    /// The sets are drawn exactly as by a prediction with these bounds.
+    /// The sets of a human who starts at `start`. `bounds` has one entry per ε of the settings. The
+    /// sets are identical to the sets that a prediction with these bounds draws.
     ///
     /// # Errors
     /// [`Invalid`] if the number of bounds is not the number of ε, and the errors of

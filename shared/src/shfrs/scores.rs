@@ -7,11 +7,11 @@ use super::window_sets::{Prediction, same_steps};
 use crate::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout};
 use crate::invalid::Invalid;
 
-/// Prefix of the names of these families.
+/// Prefix of the names of the SHFRS families.
 pub(super) const SHFRS: &str = "SHFRS";
 
 /// The sets F(ε) for one choice of actions, with `base` roll-outs. The level is ε (rad/s). The
-/// largest level is the range of the turn rate; its set contains every trajectory.
+/// largest level is the full range of turn rates, and its set contains every trajectory.
 pub struct ShfrsFamily<'a, M> {
     prediction: Prediction<'a, M>,
     base: BoundsSettings,
@@ -110,14 +110,14 @@ impl Scores {
     /// The `rank`-th smallest score, for a rank from 1 to n.
     ///
     /// # Panics
-    /// For any other rank.
+    /// If the rank is not in this range.
     #[must_use]
     pub fn ranked(&self, rank: usize) -> f64 {
         self.0[rank - 1]
     }
 }
 
-/// Accepts a choice with at most one window per trajectory, so that windows are independent.
+/// Checks that the choice takes at most one window per trajectory, so that windows are independent.
 ///
 /// # Errors
 /// [`Invalid`] for a choice with several windows per trajectory.

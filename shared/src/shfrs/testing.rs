@@ -24,7 +24,7 @@ pub(super) fn drive(rates: &[f64]) -> Trajectory {
     drive_told(rates, rates)
 }
 
-/// A drive with the turn rates `rates`, whose recording states the turn rates `told`.
+/// A drive with the turn rates `rates`, whose recording contains the turn rates `told` instead.
 pub(super) fn drive_told(rates: &[f64], told: &[f64]) -> Trajectory {
     trajectory(Pose::new(-40.0, 0.0, 3.0), rates, told)
 }

@@ -19,7 +19,7 @@ fn sets(probabilities: [f64; 3]) -> Shfrs {
 }
 
 /// The paper's settings of Figure 3, left, with a predictor that expects a turn to the right.
-/// The expected areas (m²) are those of the reference sketch of the replay page.
+/// The expected areas (m²) come from the reference sketch of the replay page.
 #[test]
 fn areas_of_a_human_who_turns_right() {
     let areas: Vec<f64> = sets([0.6, 0.3, 0.1]).sets.iter().map(|set| set.area_m2).collect();

@@ -21,12 +21,13 @@ use crate::stats::{Estimate, Tally, open_probability, share};
 use least_area::{least_area, ranks};
 use serde::{Deserialize, Serialize};
 
-/// The shares of a split of trajectories. The remaining trajectories are for testing.
+/// The shares of trajectories for training and calibration. The remaining trajectories are for
+/// testing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Split {
     /// Share for training, in (0, 1).
     pub training: f64,
-    /// Share for calibration, in (0, 1). The sum with `training` is at most 1.
+    /// Share for calibration, in (0, 1). `training` + `calibration` is at most 1.
     pub calibration: f64,
     /// Seed of the random split.
     pub seed: u64,
@@ -38,7 +39,8 @@ impl Split {
     pub const USUAL: Self = Self { training: 0.4, calibration: 0.3, seed: 0 };
 }
 
-/// Changes the seed, so that people and their trajectories are drawn with different random numbers.
+/// XORed with the seed, so that the split of people and the choice of their trajectories use
+/// different random numbers.
 const ONE_EACH: u64 = 0x6f6e_655f_6561_6368;
 
 impl Default for Split {
@@ -48,7 +50,7 @@ impl Default for Split {
     }
 }
 
-/// A random split, as indices of trajectories.
+/// The trajectories of each part of a random split, as indices.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Parts {
     /// Trajectories that select the choice of actions.
@@ -106,9 +108,10 @@ impl Split {
         Ok(Parts { training, calibration, test })
     }
 
-    /// Splits trajectories so that each person is in only one part. Person `person[i]`, from 0,
-    /// drove trajectory i. Shares are shares of people. The training part has every trajectory of
-    /// its people; the other parts have one random trajectory of each person ([`Unit::People`]).
+    /// Splits trajectories so that each person is in only one part. `person[i]` is the index, from
+    /// 0, of the person who drove trajectory i. The shares apply to people. The training part has
+    /// every trajectory of its people. The other parts have one random trajectory of each person
+    /// ([`Unit::People`]).
     ///
     /// # Errors
     /// The errors of [`Self::parts`].
@@ -182,8 +185,9 @@ const TAUS: [f64; 14] =
     [0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5];
 
 /// The default candidates: adaptive choices with τ from 0.005 to 0.5, and schedules of k. A
-/// schedule includes all `actions` until step a, half of them (rounded up) until step b, and then
-/// one (for three actions: 3, 2, 1). There is a schedule for all a ≤ b.
+/// schedule includes all `actions` before step a, half of them (rounded up) before step b, and one
+/// action from step b on (for three actions: 3, 2, 1). The candidates include the schedules for all
+/// a ≤ b.
 #[must_use]
 pub fn candidates(actions: usize, steps: usize) -> Vec<ActionChoice> {
     let mut found: Vec<ActionChoice> =
@@ -246,12 +250,13 @@ pub struct Tuned {
     /// Mean area (m²) of the tube of F_1 over the test part, or over the calibration part if there
     /// is no test part.
     pub mean_area_m2: f64,
-    /// This mean area as a share of the worst-case area, which contains everything that the vehicle
-    /// can reach. If the share is near 1, the guarantee says no more than the vehicle model.
+    /// This mean area as a share of the worst-case area, which is the area of everything that the
+    /// vehicle can reach. If the share is near 1, the guarantee says no more than the vehicle
+    /// model.
     pub share_of_worst_case: f64,
     /// Largest distance from the set (m) at which a recorded position counted as inside.
     pub tolerance_m: f64,
-    /// Largest difference (rad) at which a recorded heading counted as inside.
+    /// Largest heading difference from the set (rad) at which a recorded heading counted as inside.
     pub tolerance_rad: f64,
 }
 
@@ -385,10 +390,11 @@ pub fn tune_watched(
     })
 }
 
-/// If a set's share of the worst-case area is at least this, the set says next to nothing.
+/// A set with at least this share of the worst-case area says next to nothing beyond the vehicle's
+/// limits.
 const SAYS_NOTHING: f64 = 0.95;
 
-/// A warning if the set is hardly smaller than the worst-case set; otherwise an empty string.
+/// A warning if the set is hardly smaller than the worst-case set, or an empty string otherwise.
 fn beside_worst_case(share: f64) -> String {
     if share < SAYS_NOTHING {
         return String::new();
@@ -472,7 +478,7 @@ mod tests {
             assert_eq!(everybody, (0..10).collect::<Vec<_>>());
             let alone = [who(&calibration), who(&test)].concat();
             assert!(alone.iter().all(|person| !who(&training).contains(person)));
-            // All trajectories of the people for training are in the training part.
+            // The training part has all trajectories of its people.
             let trains = |i: &usize| who(&training).contains(&people[*i]);
             assert_eq!((0..people.len()).filter(trains).count(), training.len());
         }

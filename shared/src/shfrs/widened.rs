@@ -11,7 +11,7 @@ use crate::reach::{Membership, PolygonSettings, ReachableSet, Tolerance};
 use crate::scene::SceneParameters;
 use crate::vehicle::Pose;
 
-/// Scores exceed the exact least widening by at most this (rad/s).
+/// Scores exceed the exact least widening by at most this value (rad/s).
 pub const RESOLUTION_RADPS: f64 = 1e-4;
 
 /// The bounds of each step (rad/s), widened by `epsilon` ≥ 0 on both sides and clamped to
@@ -38,7 +38,7 @@ pub fn widened(
 /// rate contains every trajectory by definition, so a least widening always exists.
 ///
 /// # Errors
-/// [`Invalid`] if `base` and the window differ in length, or `base` are not valid bounds.
+/// [`Invalid`] if `base` and the window differ in length, or if `base` contains invalid bounds.
 pub fn least_widening(
     base: &[(f64, f64)],
     window: &Window<'_>,
@@ -49,7 +49,8 @@ pub fn least_widening(
     let by_inputs = enough_by_inputs(base, window, range)?;
     let start = window.now().human;
     let mut least = 0.0;
-    // Later states need the most widening. If they are tested first, earlier states need few tests.
+    // Later states usually need more widening. If they are tested first, earlier states need few
+    // tests.
     for step in (1..=base.len()).rev() {
         let enough = by_inputs[step - 1];
         if enough <= least {
@@ -70,8 +71,8 @@ pub fn least_widening(
     Ok(least)
 }
 
-/// An interval that contains the result of [`least_widening`], from turn rates and headings alone,
-/// at a few per cent of the cost.
+/// An interval that contains the result of [`least_widening`]. It is computed from turn rates and
+/// headings alone, at a few per cent of the cost of the exact result.
 ///
 /// # Errors
 /// The errors of [`least_widening`].
@@ -116,9 +117,9 @@ fn enough_by_inputs(
     Ok(held.collect())
 }
 
-/// A lower bound, in the interval `within`, on the widening with which the heading can change by
+/// A lower bound, in the interval `within`, on the widening that lets the heading change by
 /// `turned` (rad). The heading is known only modulo 2π, so bounds that let it change by π or more
-/// to one side always pass the test.
+/// in one direction always pass the test.
 fn needed_by_heading(
     base: &[(f64, f64)],
     turned: f64,
@@ -165,9 +166,9 @@ fn first_true(
 
 /// Area (m²) of all positions that are reachable within the steps of `bounds`.
 ///
-/// If straight driving is always admissible and headings differ by at most π, the area is
-/// Σ c_i (hi_i − lo_i) with c_i = (v²/6)((T − t_i)³ − (T − t_{i+1})³), T and t in seconds. Otherwise it
-/// is the area of the polygon with an accuracy of 0.1 mm.
+/// If straight driving is always admissible and reachable headings differ by less than π, the area
+/// is Σ c_i (hi_i − lo_i) with c_i = (v²/6)((T − t_i)³ − (T − t_{i+1})³), T and t in seconds.
+/// Otherwise, the area is the area of a polygon that is accurate to 0.1 mm.
 ///
 /// # Errors
 /// [`Invalid`] if a parameter is not finite and > 0.
@@ -199,7 +200,7 @@ mod tests {
         (0..steps).map(|_| pair()).map(|(a, b)| (a.min(b), a.max(b))).collect()
     }
 
-    /// Reference implementation: whether the trajectory is inside at ε.
+    /// Reference implementation: whether the set at ε contains the trajectory.
     fn inside(base: &[(f64, f64)], window: &Window<'_>, epsilon: f64) -> bool {
         let bounds = widened(base, epsilon, RANGE).unwrap();
         let set = ReachableSet::new(window.now().human, &bounds, 2.0, 0.2).unwrap();
@@ -215,8 +216,8 @@ mod tests {
             let steps = 1 + rng.below(10);
             let base = random_base(&mut rng, steps);
             let held: Vec<f64> = (0..steps).map(|_| [-0.5, 0.0, 0.5][rng.below(3)]).collect();
-            // In half of the drives the input changes within a step, which the recording does not
-            // show.
+            // In half of the drives, the input changes within a step, but the recording does not
+            // show the change.
             let driven = held.iter().map(|&rate| {
                 if case % 2 == 0 || rng.unit() < 0.7 { rate } else { rate * rng.unit() }
             });
@@ -247,7 +248,7 @@ mod tests {
         assert!(opposite > 0.9 && opposite <= 1.0, "{opposite}");
     }
 
-    /// A drive that is impossible for this vehicle is inside only the full set.
+    /// Only the full set contains a drive that is impossible for this vehicle.
     #[test]
     fn impossible_drives_need_everything() {
         let drive = drive(&[1.5; 4]);

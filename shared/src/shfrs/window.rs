@@ -61,9 +61,9 @@ impl Trajectory {
             .map_err(|what| Fault { line: trial.line, what })
     }
 
-    /// Checks that the human's vehicle of `scene` can have driven the trajectory with these turn rates.
-    /// A calibration guarantees nothing about trajectories that this vehicle cannot drive. The robot's
-    /// path may be arbitrary.
+    /// Checks that the human's vehicle of `scene` could have driven the trajectory with these turn
+    /// rates. A calibration guarantees nothing about trajectories that this vehicle cannot drive.
+    /// The robot's path may be arbitrary.
     ///
     /// # Errors
     /// The errors of [`plausibility::check_drive`].
@@ -176,15 +176,15 @@ impl<'a> Window<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WindowChoice {
-    /// A window from every step with enough steps left, so several per trajectory.
+    /// A window from every step that has enough steps left. A trajectory can have several windows.
     EveryStep,
     /// One window per trajectory, from a random step.
     RandomOne {
         /// Seed of the random steps.
         seed: u64,
     },
-    /// One window per trajectory, from the first step in which the human turns. Trajectories
-    /// without a turn, or with too few steps left from there, have no window.
+    /// One window per trajectory, from the first step in which the human turns. A trajectory has no
+    /// window if the human never turns, or if too few steps are left from the first turn.
     AvoidanceOnset,
 }
 
@@ -207,7 +207,8 @@ impl WindowChoice {
 
     /// The windows of `steps` ≥ 1 steps, one list per trajectory. A random window depends only on
     /// the seed and on the bits of its trajectory. It does not depend on the trajectory's index in
-    /// a list, which would give the same steps to calibration and test trajectories.
+    /// its list. Otherwise, calibration and test trajectories with equal indices would start their
+    /// windows at the same step.
     #[must_use]
     pub fn windows(self, trajectories: &[Trajectory], steps: usize) -> Vec<Vec<Window<'_>>> {
         let of = |trajectory| {
@@ -259,7 +260,8 @@ mod tests {
         }
     }
 
-    /// Two parts of a split have different steps. A trajectory has the same step in any list.
+    /// Trajectories in different parts of a split start their windows at different steps. A given
+    /// trajectory starts its window at the same step in any list.
     #[test]
     fn random_steps_belong_to_trajectories_and_not_to_places() {
         let drives: Vec<Trajectory> = (0..400)
@@ -275,8 +277,8 @@ mod tests {
         // step, all 200 pairs would agree.
         let same = all.iter().zip(&later).filter(|(a, b)| a == b).count();
         assert!(same < 15, "{same}");
-        // The steps are uniformly distributed: χ² of 41 steps and 400 drives has mean 40 and
-        // standard deviation 9.
+        // The steps are uniformly distributed. The χ² statistic of 41 steps and 400 drives has mean
+        // 40 and standard deviation 9.
         let expected = 400.0 / 41.0;
         let counts = (0..41).map(|step| all.iter().filter(|begin| **begin == step).count());
         let chi: f64 =

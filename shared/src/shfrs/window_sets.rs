@@ -8,13 +8,13 @@ use crate::invalid::Invalid;
 use crate::reach::Tolerance;
 use crate::scene::{JointState, SceneParameters};
 
-/// The vehicles, the learned function G, and the robot's future.
+/// The inputs of a prediction: the vehicles, the learned function G, and the robot's future.
 pub struct Prediction<'a, M> {
     /// The motion of the vehicles.
     pub parameters: &'a SceneParameters,
     /// The probability of each action of the human.
     pub model: &'a M,
-    /// The robot's turn rate (rad/s), given the states so far (getRobotAction).
+    /// Returns the robot's turn rate (rad/s) for the states so far (getRobotAction).
     pub robot_action: &'a (dyn Fn(&[JointState]) -> f64 + Sync),
     /// Largest distance from a set at which a recorded state counts as inside.
     pub tolerance: Tolerance,
@@ -79,10 +79,10 @@ impl<'a, M: ActionModel> Prediction<'a, M> {
     }
 }
 
-/// Accepts a window of `steps` steps.
+/// Checks that the window has `steps` steps.
 ///
 /// # Errors
-/// [`Invalid`] for any other window.
+/// [`Invalid`] if the window has another number of steps.
 pub(super) fn same_steps(window: &Window<'_>, steps: usize) -> Result<(), Invalid> {
     if window.steps() == steps {
         Ok(())

@@ -1,5 +1,5 @@
-//! The power of Wilcoxon's signed-rank test: the probability that it shows an effect of a given
-//! size.
+//! The power of Wilcoxon's signed-rank test: the probability that the test shows an effect of a
+//! given size.
 
 use super::rank::is_shown;
 use crate::math::{SeededRng, cos, ln, sin};
@@ -8,24 +8,25 @@ use core::f64::consts::TAU;
 /// Number of samples. The estimated power has a standard error of at most 0.005.
 const DRAWS: usize = 10_000;
 
-/// The power of the test for each number of people from 1 to some maximum, if differences are
-/// normally distributed with a mean of `effect` standard deviations. Samples are drawn with a fixed
-/// seed. Each sample serves every number of people n, by its first n values. The null distribution
-/// is exact.
+/// The power of the test for each number of people, from 1 to a maximum. Differences are normally
+/// distributed, and their mean is `effect` standard deviations. The power is estimated from samples
+/// that are drawn with a fixed seed. For n people, the first n values of each sample are used. The
+/// null distribution is exact.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PowerCurve {
-    /// For each number of people, from 1: the possible p-values below the level in ascending order,
-    /// each with the share of samples whose p-value is at most this value.
+    /// For each number of people, starting at 1: the possible p-values below the level, in
+    /// ascending order. Each p-value is paired with the share of samples whose p-value is not
+    /// larger.
     by_people: Vec<Vec<(f64, f64)>>,
 }
 
 impl PowerCurve {
-    /// The curve for up to `most_people` people. `effect` is d_z, the mean over the standard
-    /// deviation.
+    /// Estimates the curve for up to `most_people` people. `effect` is d_z, the mean divided by the
+    /// standard deviation.
     #[must_use]
     pub fn of(effect: f64, most_people: usize) -> Self {
         let found = rank_sums(effect, most_people);
-        // The number of subsets of the ranks 1 to n with each sum.
+        // The number of subsets of the ranks 1 to n, for each possible sum.
         let mut ways = vec![1.0];
         let by_people = found.into_iter().enumerate().map(|(i, counts)| {
             let rank = i + 1;
@@ -51,8 +52,9 @@ impl PowerCurve {
     }
 
     /// The probability that this many people show the effect in a test whose p-value is multiplied
-    /// by `family`. Holm's correction multiplies the smallest p-value of a family of that size in
-    /// this way. Above the curve's maximum number of people, this is the power at the maximum.
+    /// by `family`. In a family of `family` tests, Holm's correction multiplies the smallest
+    /// p-value by this number. For more people than the curve's maximum, returns the power at the
+    /// maximum.
     #[must_use]
     pub fn power(&self, people: usize, family: usize) -> f64 {
         let Some(place) = people.min(self.by_people.len()).checked_sub(1) else { return 0.0 };
@@ -61,8 +63,8 @@ impl PowerCurve {
         shown.checked_sub(1).map_or(0.0, |last| of[last].1)
     }
 
-    /// The smallest number of people with at least this power; `None` if the curve's maximum does
-    /// not suffice.
+    /// The smallest number of people with at least this power. `None` if even the curve's maximum
+    /// does not suffice.
     #[must_use]
     pub fn people(&self, power: f64, family: usize) -> Option<usize> {
         (1..=self.by_people.len()).find(|people| self.power(*people, family) >= power)
@@ -79,8 +81,8 @@ fn rank_sums(effect: f64, most_people: usize) -> Vec<Vec<u32>> {
         sample.clear();
         let mut sum = 0;
         while sample.len() < most_people {
-            // The Box–Muller transform gives two numbers (Annals of Mathematical Statistics 29,
-            // 1958).
+            // The Box–Muller transform (Annals of Mathematical Statistics 29, 1958) gives two
+            // normal numbers.
             let (radius, angle) = ((-2.0 * ln(1.0 - rng.unit())).sqrt(), TAU * rng.unit());
             for normal in [radius * cos(angle), radius * sin(angle)] {
                 if sample.len() == most_people {
@@ -88,8 +90,8 @@ fn rank_sums(effect: f64, most_people: usize) -> Vec<Vec<u32>> {
                 }
                 let new = effect + normal;
                 sample.push(new);
-                // The rank sum is the number of positive pairwise means (Tukey). This adds the new
-                // ones.
+                // The rank sum is the number of positive pairwise means (Tukey). Count the means
+                // that include the new value.
                 sum += sample.iter().map(|of| usize::from(of + new > 0.0)).sum::<usize>();
                 counts[sample.len() - 1][sum] += 1;
             }
@@ -103,7 +105,8 @@ mod tests {
     use super::*;
     use crate::stats::{rank::wilcoxon, upper_tail};
 
-    /// If all people must gain, or all lose, power is a power of Φ(d).
+    /// In these cases, an effect is shown only if all n people gain or all lose. The power is then
+    /// Φ(d)ⁿ + (1 − Φ(d))ⁿ.
     #[test]
     fn the_least_sample_that_can_show_something_has_a_closed_form() {
         let curve = PowerCurve::of(0.8, 12);
@@ -119,14 +122,15 @@ mod tests {
         assert_eq!(PowerCurve::of(0.8, 0).power(5, 1), 0.0);
     }
 
-    /// Without an effect, the power is the test's level: for n = 8, P(W ≤ 3) = 5/256 per side.
+    /// Without an effect, the power equals the level of the test. For n = 8, P(W ≤ 3) = 5/256 per
+    /// side.
     #[test]
     fn without_an_effect_it_is_the_level() {
         let curve = PowerCurve::of(0.0, 8);
         assert!((curve.power(8, 1) - 10.0 / 256.0).abs() < 0.006, "{}", curve.power(8, 1));
     }
 
-    /// Applies [`wilcoxon`] to each sample of a different set.
+    /// Applies [`wilcoxon`] to each sample of another set.
     #[test]
     fn it_is_the_share_of_samples_that_the_test_rejects() {
         let curve = PowerCurve::of(0.8, 30);

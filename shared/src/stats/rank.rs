@@ -12,12 +12,12 @@ pub use signed::{SignedRank, hodges_lehmann, rank_biserial, wilcoxon};
 use super::upper_tail;
 use crate::invalid::{Invalid, all_finite};
 
-/// The maximum total number of values for exact p-values. Above it, the normal approximation is
-/// accurate to about 10⁻³, unless the p-value is tiny.
+/// The maximum total number of values for exact p-values. For more values, the normal approximation
+/// is accurate to about 10⁻³, unless the p-value is tiny.
 const MOST_COUNTED: usize = 60;
 
-/// Numbers that differ by at most this are tied, so that rounding errors do not separate equal
-/// proportions. A difference of at most this counts as zero.
+/// Numbers that differ by at most this are tied, and a difference of at most this counts as zero.
+/// Therefore, rounding errors do not separate equal proportions.
 pub(crate) const TIE: f64 = 1e-12;
 
 /// The significance level: [`is_shown`] requires a p-value below this.
@@ -31,9 +31,9 @@ pub fn is_shown(p: f64) -> bool {
 }
 
 /// The p-value of the Mann–Whitney test (Annals of Mathematical Statistics 18, 1947): the
-/// probability that a random split of the numbers gives rank sums at least as far apart. Exact for
-/// up to 60 numbers; above that, the normal approximation with corrections for ties and continuity.
-/// It is 1 if all numbers are equal.
+/// probability that a random split of the numbers gives rank sums at least as far apart. The
+/// p-value is exact for up to 60 numbers. For more numbers, the normal approximation with
+/// corrections for ties and continuity is used. The p-value is 1 if all numbers are equal.
 ///
 /// # Errors
 /// [`Invalid`] if a list is empty or a number is not finite.
@@ -53,8 +53,8 @@ pub fn mann_whitney(first: &[f64], second: &[f64]) -> Result<f64, Invalid> {
 }
 
 /// The p-values after Holm's correction (Scandinavian Journal of Statistics 6, 1979), in the given
-/// order. With them, the probability of any false rejection among all tests is at most that of a
-/// single test.
+/// order. If they are compared with a level, the probability of any false rejection among all tests
+/// is at most this level.
 #[must_use]
 pub fn holm(p_values: &[f64]) -> Vec<f64> {
     let n = p_values.len();
@@ -76,8 +76,8 @@ fn check(field: &str, numbers: &[f64]) -> Result<(), Invalid> {
     all_finite(field, numbers)
 }
 
-/// Twice the rank of each number; the lowest value is 2. Tied numbers share their mean rank, which
-/// doubling makes an integer.
+/// Twice the rank of each number, so the lowest value is 2. Tied numbers share their mean rank, and
+/// doubling makes the mean an integer.
 fn doubled_ranks(numbers: &[f64]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..numbers.len()).collect();
     order.sort_by(|&i, &j| numbers[i].total_cmp(&numbers[j]));
@@ -99,9 +99,9 @@ fn tie_term(ranks: &[usize]) -> f64 {
     groups.map(|t| t * t * t - t).sum()
 }
 
-/// For each sum, the number of ways to choose `count` of the `ranks` with this sum. Counts are
-/// exact below 2⁵³ and have a relative error of 10⁻¹⁴ above. They stay far below the largest
-/// double.
+/// For each sum, the number of ways to choose `count` of the `ranks` with this sum. Counts below
+/// 2⁵³ are exact, and larger counts have a relative error of 10⁻¹⁴. All counts stay far below the
+/// largest double.
 fn ways_to_choose(ranks: &[usize], count: usize) -> Vec<f64> {
     let most: usize = ranks.iter().sum();
     // Indexed by the number of chosen ranks, then by their sum.
@@ -118,7 +118,7 @@ fn ways_to_choose(ranks: &[usize], count: usize) -> Vec<f64> {
     ways.swap_remove(count)
 }
 
-/// For each sum, the number of ways to choose the ranks with a positive sign such that they have
+/// For each sum, the number of ways to choose signs such that the ranks with a positive sign have
 /// this sum.
 fn ways_to_sign(ranks: &[usize]) -> Vec<f64> {
     let mut ways = vec![0.0; ranks.iter().sum::<usize>() + 1];
@@ -152,9 +152,9 @@ mod tests {
         assert!((found / expected - 1.0).abs() < relative, "{found} {expected}");
     }
 
-    /// Critical values of the published tables, two-sided at 5 %: U for n = m (Mann and Whitney;
-    /// Siegel's table K), T for n pairs (Wilcoxon; Siegel's table G). The critical value itself is
-    /// significant, the next value is not.
+    /// Critical values from published tables, two-sided at 5 %: U for n = m (Mann and Whitney;
+    /// Siegel's table K), and T for n pairs (Wilcoxon; Siegel's table G). The critical value itself
+    /// is significant, but the next value is not.
     #[test]
     fn critical_values_are_those_of_the_tables() {
         for (n, critical) in
@@ -175,8 +175,8 @@ mod tests {
         }
     }
 
-    /// Values of `scipy.stats` 1.17: `mannwhitneyu` (exact without ties), `wilcoxon` (exact), the
-    /// permutation distribution if there are ties, and the normal approximation for the long lists.
+    /// Values from `scipy.stats` 1.17: `mannwhitneyu` (exact without ties), `wilcoxon` (exact), and
+    /// the permutation distribution if there are ties. The long lists use the normal approximation.
     #[test]
     fn values_of_scipy() {
         let (a, b) = (
@@ -235,13 +235,13 @@ mod tests {
         assert_eq!(wilcoxon(&a, &a).unwrap(), 1.0);
     }
 
-    /// Differences that are equal up to rounding errors.
+    /// The differences are equal up to rounding errors.
     #[test]
     fn equal_differences_are_tied() {
         let first = [0.3, 0.8, 0.7, 0.2];
         let second = [0.1, 0.6, 0.5, 0.4];
         assert!(first[0] - second[0] != first[1] - second[1]);
-        // Three of the four signs are the same, and all ranks are tied: 2 · 5/16.
+        // Three of the four signs are the same, and all ranks are tied, so p = 2 · 5/16.
         close(wilcoxon(&first, &second).unwrap(), 0.625, 1e-12);
     }
 

@@ -68,7 +68,7 @@ impl Fact {
         }
     }
 
-    /// The texts by language; `None` for one text in every language.
+    /// The texts by language. Returns `None` if one text is used for every language.
     #[must_use]
     pub fn by_language(&self) -> Option<&Localised> {
         match self {
@@ -176,8 +176,8 @@ impl Localised {
         found.and_then(|tag| Some((tag, self.0.get(tag)?.as_str())))
     }
 
-    /// Checks that every language tag is valid, and that no text is blank, longer than `most`
-    /// characters or has hidden characters.
+    /// Checks that every language tag is valid, and that no text is blank, exceeds `most`
+    /// characters or contains hidden characters.
     ///
     /// # Errors
     /// [`Invalid`] naming the language.
@@ -225,7 +225,7 @@ impl Localised {
         Ok(())
     }
 
-    /// Like [`Self::check`], but for a required text.
+    /// Like [`Self::check`], but also requires a text in at least one language.
     ///
     /// # Errors
     /// [`Invalid`] naming the field or the language.

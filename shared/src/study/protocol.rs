@@ -179,13 +179,13 @@ impl Comprehension {
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct TrialSettings {
-    /// Countdown over the still scene before it starts: a whole number of seconds from 1 to 10.
-    /// Default: 3.
+    /// Countdown before a scene starts, shown over the still scene: a whole number of seconds from
+    /// 1 to 10. Default: 3.
     pub countdown_s: u32,
-    /// Time for which the last picture of a scene stays (s), 0 to 5. Default: 0.6.
+    /// Time for which the last picture of a scene stays visible (s), 0 to 5. Default: 0.6.
     pub end_s: f64,
-    /// Minimum time for which the last picture stays in phases with feedback (s), counted from when
-    /// it is shown, 1.5 to 10. Default: 1.5.
+    /// Minimum time for which the last picture stays visible in phases with feedback (s), counted
+    /// from when it is shown, 1.5 to 10. Default: 1.5.
     pub feedback_s: f64,
     /// Whether the participant drives an interrupted trial again, after all other trials, as a
     /// further attempt. The first attempt is kept. Default: false.
@@ -210,7 +210,7 @@ impl Default for TrialSettings {
 }
 
 impl TrialSettings {
-    /// Time for which the last picture of a scene stays (s), with or without feedback.
+    /// Time for which the last picture of a scene stays visible (s), with or without feedback.
     #[must_use]
     pub fn stays_s(&self, feedback: bool) -> f64 {
         if feedback { self.end_s.max(self.feedback_s) } else { self.end_s }

@@ -116,7 +116,7 @@ impl Question {
         self.check_unused()
     }
 
-    /// Rejects fields of another kind of question, which would have no effect.
+    /// Rejects fields that belong to another kind of question and would therefore have no effect.
     fn check_unused(&self) -> Result<(), Invalid> {
         use QuestionKind::{Choice, Scale, Text};
         let fields = [

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Recruitment {
-    /// URL parameters that may hold the person's id at the recruiting service. The first parameter
-    /// that is present counts. Default: `external_id`, Prolific's `PROLIFIC_PID`, MTurk's
+    /// URL parameters that may hold the person's id at the recruiting service. The first of them
+    /// that is present is used. Default: `external_id`, Prolific's `PROLIFIC_PID`, MTurk's
     /// `workerId`, SONA's `survey_code`.
     pub external_id: Vec<String>,
     /// Whether a person without this id is refused. Default: false.
@@ -115,8 +115,8 @@ impl Recruitment {
         ]
     }
 
-    /// Checks that a URL is empty, or on one of the return hosts (https) with no placeholders
-    /// except `places`.
+    /// Checks that a URL is empty, or that it is an https URL on one of the return hosts and has no
+    /// placeholders except `places`.
     fn check_url(&self, field: &str, url: &str, places: &[&str]) -> Result<(), Invalid> {
         if url.is_empty() {
             return Ok(());
@@ -156,7 +156,7 @@ impl Recruitment {
             Some(text) => Some(url.replace(place, &percent_encoded(text))),
             None => (!url.contains(place)).then_some(url),
         };
-        // The id is filled in last, so that placeholders in it are not expanded.
+        // The id is filled in last, so that placeholders inside the id are not expanded.
         fill(fill(url.to_owned(), "{code}", code)?, "{external_id}", external_id)
     }
 }
@@ -185,8 +185,8 @@ pub fn is_id(text: &str) -> bool {
 }
 
 /// Normalizes a person's id at a recruiting service for comparison: trims it and converts it to
-/// lower case, so that `P1`, `p1` and ` P1 ` are one person. Services' ids are ASCII. Other letters
-/// have several encodings that look the same.
+/// lower case, so that `P1`, `p1` and ` P1 ` are one person. Only ASCII is accepted, because
+/// services' ids are ASCII and other letters have several encodings that look the same.
 ///
 /// # Errors
 /// [`Invalid`] for an id that is empty, too long, or has characters other than the letters A to Z,

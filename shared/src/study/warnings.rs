@@ -60,8 +60,8 @@ impl StudyConfig {
                         their completion code there themselves";
             found.push(("recruitment.completed_url", what.to_owned()));
         }
-        // A URL for finished participants implies a recruiting service to which others can return,
-        // too.
+        // A URL for participants who completed the study implies a recruiting service. Other
+        // participants should be able to return to this service, too.
         if !recruitment.completed_url.is_empty() {
             let is_missing = |(field, url): &(&str, &str)| {
                 url.is_empty() && (*field != "full_url" || recruitment.quota > 0)
@@ -96,8 +96,8 @@ mod tests {
         let url = "https://app.prolific.com/submissions/complete";
         study.recruitment.completed_url = url.into();
         study.check().unwrap();
-        // The URLs for all other endings are missing, except `full_url`: without a quota, the study
-        // is never full.
+        // The URLs for all other endings are missing. `full_url` is not needed, because a study
+        // without a quota is never full.
         let [(field, what)] = &study.forgotten()[..] else { panic!("{:?}", study.forgotten()) };
         assert_eq!(*field, "recruitment");
         assert!(

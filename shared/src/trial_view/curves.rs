@@ -1,5 +1,5 @@
-//! Level curves for the current headings. They are cached while the headings stay the same: in two
-//! of three steps of a scene, both vehicles drive straight on.
+//! Level curves for the current headings. They are cached while the headings stay the same, because
+//! both vehicles drive straight on in two of three steps of a scene.
 
 use crate::math::sin_cos;
 use crate::reachability::CurveSettings;

@@ -15,8 +15,8 @@ const HEIGHTS: [f64; 2] = [300.0, 900.0];
 const HALF: f64 = 560.0;
 const BETWEEN: f64 = 20.0;
 
-/// The legend of two pictures side by side: the legend of the first, then the items of the second
-/// that the first lacks.
+/// The legend of two pictures side by side. It has all items of the first picture, and then the
+/// items of the second picture that the first lacks.
 #[must_use]
 pub fn legend_of_both(first: &Playback, second: &Playback, view: &View) -> Vec<LegendItem> {
     let mut items = first.legend(view);

@@ -75,7 +75,8 @@ mod tests {
         ends.map(|ends| hypot(ends[1][0] - ends[0][0], ends[1][1] - ends[0][1])).sum()
     }
 
-    /// Lines of total length L at spacing a cover an area of about L a in any direction.
+    /// Lines with total length L and spacing a cover an area of about L·a, whatever their
+    /// direction.
     #[test]
     fn the_lines_fill_the_polygon_evenly() {
         let concave = vec![[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [2.0, 1.0], [0.0, 3.0]];

@@ -7,14 +7,14 @@ use crate::chart::{Colour, LegendItem, Pen, colours, number};
 use crate::picture::Picture;
 use crate::scene::Evader;
 
-/// Paints {V_HR ≤ 0}, where a robot with its current heading could force a collision, and other
-/// levels.
+/// Paints the set {V_HR ≤ 0}, in which a robot with its current heading could force a collision,
+/// and the other levels of the style.
 pub(super) fn human(playback: &mut Playback, style: &Style, picture: &mut Picture) {
     paint(playback, style, Evader::Human, picture);
 }
 
-/// Paints {V_RH ≤ 0}, where a human with their current heading could force a collision, and other
-/// levels.
+/// Paints the set {V_RH ≤ 0}, in which a human with their current heading could force a collision,
+/// and the other levels of the style.
 pub(super) fn robot(playback: &mut Playback, style: &Style, picture: &mut Picture) {
     paint(playback, style, Evader::Robot, picture);
 }

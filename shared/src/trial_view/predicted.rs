@@ -61,7 +61,7 @@ pub struct PredictedSet<'a> {
     /// Closed counter-clockwise polygons in the world frame (m). Their union is the set of all
     /// positions within the steps ahead.
     pub tube: &'a [Vec<[f64; 2]>],
-    /// The positions after each step, with one such polygon per step. Empty unless requested.
+    /// The positions after each step, as one polygon per step. Empty unless requested.
     pub steps: &'a [Vec<[f64; 2]>],
 }
 
@@ -70,8 +70,8 @@ pub struct PredictedSet<'a> {
 pub enum Level {
     /// The widening ε of the turn-rate bounds (rad/s).
     Widening(f64),
-    /// Of the recorded futures that began with the input that is held now, the share that the set
-    /// encloses. At 1, the set is the whole reachable set.
+    /// The set encloses this share of the recorded futures that followed the currently held input.
+    /// At 1, the set is the whole reachable set.
     Share(f64),
     /// The Mahalanobis radius of ellipsoids of the future pose.
     Radius(f64),

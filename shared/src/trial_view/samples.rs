@@ -1,4 +1,4 @@
-//! Likely futures: paths whose inputs are drawn by the predicted probabilities.
+//! Likely futures: paths whose inputs are drawn from the predicted probabilities.
 
 use super::style::Style;
 use super::{Learned, Method, Playback, probabilities};
@@ -15,8 +15,9 @@ pub(super) fn pen() -> Pen {
     Pen::new(colours::HUMAN.at(0.4), 1.25)
 }
 
-/// Paints paths of the human from here; the robot drives straight on, as in the study. The same
-/// moment always has the same paths, and the paths change little from moment to moment.
+/// Paints paths of the human from the current position. The robot drives straight on, as in the
+/// study. The same moment always has the same paths, and the paths change little from moment to
+/// moment.
 pub(super) fn paint(playback: &mut Playback, _: &Style, picture: &mut Picture) {
     let steps = playback.steps_ahead();
     let Playback { recorded, method, safety, history, now, .. } = playback;

@@ -9,7 +9,7 @@ use crate::scene::Evader;
 
 /// Levels at the edges of the bands (m), from the outermost band inwards.
 const BANDS_M: [f64; 6] = [4.0, 3.0, 2.0, 1.0, 0.0, -1.0];
-/// Opacity that each band adds to the bands around it.
+/// Opacity of each band. Inner bands are painted over outer bands, so their opacities accumulate.
 const OPACITY: f64 = 0.075;
 
 /// Paints V_HR for each position of a robot with its current heading.

@@ -62,7 +62,8 @@ pub(super) fn paint(playback: &mut Playback, style: &Style, picture: &mut Pictur
 /// Width of the line that hides the seams of a union (px).
 const SEAM: f64 = 0.75;
 
-/// Paints the union of polygons: first all edges, so that only the edges of the union stay visible.
+/// Paints the union of polygons. All edges are painted first, so that the areas cover the inner
+/// edges and only the edges of the union stay visible.
 fn union(areas: &[Vec<[f64; 2]>], colour: Colour, picture: &mut Picture) {
     let edge = Pen::new(colours::SURFACE, 3.0 * SEAM);
     let areas = || areas.iter().filter(|area| !area.is_empty());

@@ -32,14 +32,14 @@ pub enum Way {
     /// A logistic regression on B_hrd, trained on the participant's earlier trials.
     #[default]
     Earlier,
-    /// Like [`Self::Earlier`], but also on the robot's position in the human's frame and the
-    /// human's recent turns.
+    /// Like [`Self::Earlier`], but the regression also uses the robot's position in the human's
+    /// frame and the human's recent turns.
     History,
     /// Only the likeliest input of [`Self::Earlier`] at each step.
     LearnedDisturbance,
     /// Hulls of the participant's recorded futures in earlier trials after the same input.
     Empirical,
-    /// Normal distributions of how the participant deviated from holding the input in earlier
+    /// Normal distributions of the participant's deviations from holding the input, in earlier
     /// trials.
     Gaussian,
     /// Every input is equally likely.
@@ -55,7 +55,7 @@ pub enum Way {
 /// Caption of a predictor opened from a file.
 pub const FROM_FILE: &str = "A predictor from a file";
 
-/// Smaller turns are rounding errors (rad).
+/// Turns by less than this angle (rad) are rounding errors.
 const LEAST_TURN: f64 = 1e-9;
 
 impl Way {
@@ -139,7 +139,7 @@ impl Way {
         }
     }
 
-    /// The function and settings. `trained` is the model, if the method needs one.
+    /// The function and settings of this method. `trained` is the model, if the method needs one.
     ///
     /// # Errors
     /// [`Invalid`] if the method needs a model that is missing, or if it needs the trials
@@ -227,8 +227,8 @@ fn always(probabilities: [f64; 3]) -> Result<Predictor, Invalid> {
     Predictor::constant(FeatureSet::none(), vec![-1, 0, 1], probabilities.to_vec())
 }
 
-/// A predictor that expects the previous step's input, which it knows from the last turn, with near
-/// certainty.
+/// A predictor that expects, with near certainty, the same input as in the previous step. It infers
+/// the previous input from the last turn.
 fn held() -> Result<Predictor, Invalid> {
     let questions = QuestionsFile {
         feature: vec![0; 5],
@@ -352,8 +352,8 @@ mod tests {
         assert_eq!(of("beside=").unwrap_err().field, "beside");
     }
 
-    /// Compares the areas of the sets with those of the families in `sidestep shfrs`, which need no
-    /// predictor.
+    /// Compares the areas of the sets with the areas of the families in `sidestep shfrs`. These
+    /// families need no predictor.
     #[test]
     fn baselines_are_those_of_the_comparison() {
         let parameters = SceneParameters::default();

@@ -79,8 +79,8 @@ fn a_frame_does_not_depend_on_the_frames_before() {
     assert_eq!(paint(&mut used), fresh);
 }
 
-/// A trial that grows step by step, and whose last step is corrected once each time, looks at each
-/// moment like the whole trial.
+/// Records a trial step by step, and corrects its last step once each time. At each moment, the
+/// trial looks like the whole trial.
 #[test]
 fn a_trial_that_is_being_driven_is_seen_like_a_recorded_one() {
     let mut whole = playback();
@@ -117,7 +117,8 @@ fn a_trial_that_is_being_driven_is_seen_like_a_recorded_one() {
     assert!(live.record(&inputs, &states[..50]).is_err());
 }
 
-/// Likely futures are drives: their ends differ and are no farther from here than the path length.
+/// Likely futures are drives. Their ends differ and are no farther from the current position than
+/// the path length.
 #[test]
 fn likely_futures_are_drives_of_the_human() {
     let mut playback = playback();
@@ -147,7 +148,8 @@ fn likely_futures_are_drives_of_the_human() {
     assert_eq!(playback.history.len(), 21, "nothing is left of the drives");
 }
 
-/// Optimal avoidance never decreases V_HR, whatever the robot does: V_HR is the value of the game.
+/// Optimal avoidance never decreases V_HR, whatever the robot does, because V_HR is the value of
+/// the game.
 #[test]
 fn best_avoidance_loses_no_safety() {
     let mut playback = playback();
@@ -224,8 +226,8 @@ fn learned_sets_are_shown_without_a_function() {
         assert!(figure.contains(&format!("F₁: where the human may be within 2.0 s, {level} ")));
         assert!(figure.contains(", the worst case"));
         assert!(!figure.contains("rad/s") && !figure.contains("likely futures"));
-        // At the end of a step, the held input is the input of that step; within the next step, it
-        // is the next step's input.
+        // At the end of a step, the held input is the input of that step. Within the next step, the
+        // held input is the input of the next step.
         for (time_s, held) in [(0.0, TurnInput::Straight), (1.0, inputs[4]), (1.05, inputs[5])] {
             playback.go(&at(time_s)).unwrap();
             let mut expected = source::fitted(family, parameters, &earlier).unwrap().sets;

@@ -41,7 +41,8 @@ impl View {
     /// The query parameters that [`Self::set`] accepts.
     pub const NAMES: [&str; 7] = ["t", "speed", "show", "hr", "rh", "sets", "colours"];
 
-    /// The query parameters for the page alone: whether it plays trials in a row, and shows the legend and numbers.
+    /// The query parameters that only the page uses. They say whether it plays trials in a row, and
+    /// whether it shows the legend and the numbers.
     pub const PAGE_NAMES: [&str; 3] = ["row", "legend", "numbers"];
 
     /// The view that a query describes. Missing parameters keep their defaults; unknown names are ignored.
@@ -121,7 +122,8 @@ impl View {
         let usual = Self::default();
         let mut parts = Vec::new();
         if self.time_s > 0.0 {
-            // Whole milliseconds, in plain digits: `number` would write 5·10⁷, which a link cannot parse.
+            // Whole milliseconds, in plain digits. `number` would write 5·10⁷, which cannot be
+            // parsed.
             parts.push(format!("t={}", (1000.0 * self.time_s).round() / 1000.0));
         }
         if self.speed != usual.speed {

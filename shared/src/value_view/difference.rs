@@ -11,7 +11,7 @@ const COLUMNS: usize = 150;
 /// Number of headings at which errors are summarised.
 const HEADINGS: u32 = 24;
 
-/// The solver's V minus V of the closed form, over a window.
+/// V of the solver minus V of the closed form, over a window.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
     window: Window,

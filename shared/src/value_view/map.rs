@@ -25,7 +25,7 @@ pub struct Map {
 }
 
 /// The part of the plane that maps of a function show: {V ≤ R/3} at every heading and the danger
-/// disc, with a margin, but only within the function's nodes.
+/// disc, with a margin. It does not extend beyond the function's nodes.
 #[must_use]
 pub fn domain(function: &ValueFunction) -> Window {
     const HEADINGS: u32 = 24;
@@ -200,8 +200,8 @@ impl Map {
             });
             let apart = |[x, y]: Point| {
                 let distances = placed.iter().map(|[a, b]| hypot(x - a, y - b));
-                // Half the map's width is far enough. Among such places, a higher one is easier to
-                // read.
+                // A distance of half the map's width is far enough. Among places that are far
+                // enough, a higher one is easier to read.
                 distances.fold(0.5 * (right - left), f64::min) - 0.05 * y
             };
             let best = inside.max_by(|(_, a), (_, b)| apart(*a).total_cmp(&apart(*b)));

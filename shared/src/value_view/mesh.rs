@@ -7,13 +7,14 @@ use crate::reachability::{Sampling, Surface, ValueFunction};
 /// Triangles with normals, in the layout that GPUs expect.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
-    /// Six numbers per vertex: x and y (m), ψ (rad), and the outward unit normal in drawn metres.
+    /// Six numbers per vertex: x and y (m), ψ (rad), and the outward unit normal in the drawing,
+    /// where ψ is scaled to metres.
     pub vertices: Vec<f32>,
     /// Three vertices per triangle, counter-clockwise seen from outside.
     pub indices: Vec<u32>,
 }
 
-/// V over a window, sampled on nodes. The solid of any level is extracted from the samples.
+/// V over a window, sampled on nodes. The solid of any level can be extracted from the samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tubes {
     window: Window,
@@ -40,7 +41,7 @@ impl Tubes {
     }
 }
 
-/// Cosine of 25°. If the angle between two triangles is larger, their edge is sharp.
+/// Cosine of 25°. If the angle between the normals of two triangles is larger, their edge is sharp.
 const BENT: f64 = 0.906;
 
 impl Mesh {
@@ -90,7 +91,7 @@ impl Mesh {
     }
 }
 
-/// Height of a full turn of ψ, in drawn metres.
+/// Height of a full turn of ψ in the drawing, in metres at the scale of x and y.
 pub(super) fn height_m(window: Window) -> f64 {
     let sides = [0, 1].map(|d| window.high[d] - window.low[d]);
     0.8 * sides[0].max(sides[1])
@@ -125,7 +126,7 @@ mod tests {
                 walls += 1;
             }
         }
-        // Vertices on the rims count for both.
+        // A point on a rim has two vertices: one counts as wall, the other as lid.
         assert!(walls + lids > surface.vertices.len() + 60, "{walls} {lids}");
     }
 }

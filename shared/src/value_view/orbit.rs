@@ -1,5 +1,5 @@
-//! The sublevel set {V ≤ c} as a solid, with ψ upwards over x and y, in orthographic projection
-//! from any side.
+//! The sublevel set {V ≤ c} as a solid in orthographic projection from any side. The axis of ψ is
+//! vertical.
 
 use super::mesh::{Mesh, height_m};
 use super::slices::caption;
@@ -8,11 +8,11 @@ use crate::math::{PI, TAU, sin_cos};
 use crate::picture::Window;
 use crate::reachability::ValueFunction;
 
-/// The box around a solid, and the view of it.
+/// The box around a solid, and the direction from which it is seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
     window: Window,
-    /// Height of one radian of ψ, in drawn metres.
+    /// Height of one radian of ψ in the drawing, in metres at the scale of x and y.
     per_radian: f64,
     /// Width and height of the picture (px).
     size: [f64; 2],
@@ -47,7 +47,7 @@ impl Orbit {
         }
     }
 
-    /// Position relative to the box's centre, in drawn metres.
+    /// Position in the drawing relative to the box's centre, in metres at the scale of x and y.
     fn metres(&self, [x, y, psi]: [f64; 3]) -> [f64; 3] {
         let middle = [0, 1].map(|d| 0.5 * (self.window.low[d] + self.window.high[d]));
         [x - middle[0], y - middle[1], (psi - PI) * self.per_radian]
@@ -143,7 +143,8 @@ impl Orbit {
         for triangle in mesh.indices.chunks_exact(3) {
             let corners = [0, 1, 2].map(|n| mesh.vertex(triangle[n]));
             let flat = corners.map(|(state, _)| self.place(state));
-            // With y downwards, a clockwise triangle faces away.
+            // A triangle that appears clockwise faces away. Since y points downwards, its cross
+            // product is then positive.
             let [[ax, ay], [bx, by], [cx, cy]] = flat;
             if (bx - ax) * (cy - ay) - (by - ay) * (cx - ax) >= 0.0 {
                 continue;
@@ -203,7 +204,7 @@ impl Orbit {
         for (words, edge, beside) in
             [("x ahead (m)", edge_x, beside_x), ("y to the left (m)", edge_y, beside_y)]
         {
-            // The name is outside the numbers for any direction of the edge, and within the
+            // The name is placed outside the numbers for any direction of the edge, but within the
             // picture.
             let half = [0.5 * width_of(words, 11.5, false), 8.0];
             let away = 30.0 + beside[0].abs() * half[0];
@@ -268,7 +269,7 @@ impl Labels {
     }
 }
 
-/// The robot's red in shadow, unchanged, and in bright light.
+/// Tones of the robot's red: in shadow, unchanged, and in bright light.
 pub const TONES: [Colour; 3] = [
     Colour::rgb([0x7d, 0x1f, 0x1c]),
     Colour::rgb(colours::ROBOT.light),
@@ -299,7 +300,7 @@ fn ring(corners: [[f64; 3]; 3]) -> Option<[[f64; 3]; 2]> {
 fn shade(lit: f64) -> Colour {
     let [shadow, middle, bright] = TONES;
     let lit = (0.16 + 0.84 * lit.max(0.0)).min(1.0);
-    // The tones are few, so that neighbouring triangles often share one.
+    // There are only a few tones, so that neighbouring triangles often share one.
     let share = 2.0 * (lit * 48.0).round() / 48.0;
     if share < 1.0 { shadow.towards(middle, share) } else { middle.towards(bright, share - 1.0) }
 }
@@ -348,7 +349,7 @@ mod tests {
         Orbit::new(window, turned_deg, 1.0, [640.0, 480.0])
     }
 
-    /// The GPU's matrix and the drawn walls place states equally.
+    /// The GPU's matrix and the drawn walls place states at the same pixels.
     #[test]
     fn the_matrix_places_states_as_the_walls_do() {
         for turned in [[0, 0], [-52, 26], [170, -40], [33, 90]] {

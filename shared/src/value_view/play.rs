@@ -6,7 +6,7 @@ use crate::reachability::ValueFunction;
 use crate::vehicle::Pose;
 use crate::vehicle::dubins::{arc, relative_state};
 
-/// A game in which both vehicles play optimally, until half a turn after they are closest.
+/// A game in which both vehicles play optimally. It ends half a turn after their closest approach.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Play {
     /// Time between two states (s).
@@ -29,13 +29,14 @@ pub struct Play {
     pub goes_on: bool,
 }
 
-/// Upper limit of a step: in radians of the faster turn, and as a share of the radius at the
-/// closing speed.
+/// Limit on a time step. In one step, the faster-turning vehicle turns by at most this angle (rad),
+/// and the distance changes by at most this fraction of the radius.
 const STEP: f64 = 0.004;
-/// Maximum length of a game, in radians of the slower turn. Chases may take several turns.
+/// Maximum duration of a game, as the angle (rad) that the slower-turning vehicle can turn in this
+/// time. Chases may take several turns.
 const LONGEST: f64 = 8.0 * PI;
-/// Smallest approach that counts, as a share of the radius. For two vehicles side by side, rounding
-/// errors alone reduce the distance forever.
+/// Smallest decrease of the distance that counts as an approach, as a fraction of the radius. For
+/// two vehicles side by side, rounding errors alone can reduce the distance in every step.
 const CLOSER: f64 = 1e-4;
 /// Maximum number of steps of a game.
 const MOST_STEPS: usize = 20_000;
@@ -44,8 +45,9 @@ const MOST_STEPS: usize = 20_000;
 /// rates come from [`ValueFunction::state`] and are updated at every step.
 ///
 /// # Errors
-/// [`Invalid`] for a state that is not finite, and for a function with a finite horizon. Its turns
-/// are optimal only at the start, because the value changes with the remaining time.
+/// [`Invalid`] for a state that is not finite, and for a function with a finite horizon. With a
+/// finite horizon, the turn rates are optimal only at the start, because V changes with the
+/// remaining time.
 pub fn play(function: &ValueFunction, start: [f64; 3]) -> Result<Play, Invalid> {
     crate::invalid::all_finite("at", &start)?;
     if let ValueFunction::Sampled(samples) = function

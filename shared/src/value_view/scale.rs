@@ -14,14 +14,14 @@ pub(super) const DARK: Colour = Colour::rgb([0x16, 0x10, 0x24]);
 /// Maximum number of bands of a scale.
 const MOST: usize = 13;
 
-/// Ascending levels, with a tone below each level and one above the last level.
+/// Ascending levels, with a tone for each band: one below each level, and one above the last level.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scale {
-    /// The levels between two tones.
+    /// The levels, each of which separates two tones.
     pub levels: Vec<f64>,
     /// The smallest and the largest value on the scale.
     pub ends: [f64; 2],
-    /// Decimal places of its numbers.
+    /// Decimal places of the levels' numbers.
     pub places: usize,
     tones: [Colour; 5],
 }
@@ -45,7 +45,8 @@ impl Scale {
         Self { places: places(&levels), levels, ends, tones: colours::SAFE_REGIONS }
     }
 
-    /// The scale for V of a function over a window, from −R to the 90 % quantile of V on the map.
+    /// The scale for V of a function over a window, from −R to the 90 % quantile of V over the
+    /// window and all headings, but at least to R/2.
     #[must_use]
     pub fn of(function: &ValueFunction, window: Window) -> Self {
         const SIDE: u32 = 20;

@@ -45,7 +45,8 @@ pub struct View {
     pub plays: bool,
     /// Azimuth and elevation of the view of the tube, in whole degrees.
     pub turned_deg: [i16; 2],
-    /// Zoom of the tube, in per cent of the size that fits from every side.
+    /// Zoom of the tube, in per cent. At 100, the tube's box just fits into the picture from every
+    /// side.
     pub zoom_percent: u16,
 }
 
@@ -95,8 +96,8 @@ impl View {
         "zoom",
     ];
 
-    /// The view that a query describes, and the error of its first invalid value. Missing and invalid
-    /// parameters keep their defaults; unknown names are ignored.
+    /// The view that a query describes, and the error for its first invalid value, if any. Missing
+    /// and invalid parameters keep their defaults; unknown names are ignored.
     pub fn of_query<'a>(
         query: impl IntoIterator<Item = (&'a str, &'a str)>,
     ) -> (Self, Option<Invalid>) {
@@ -182,7 +183,8 @@ impl View {
         Ok(())
     }
 
-    /// The query of the parameters that differ from the defaults, joined by `&`. It needs no escaping.
+    /// The query with all parameters that differ from the defaults, joined by `&`. It needs no
+    /// escaping.
     #[must_use]
     pub fn query(&self) -> String {
         let usual = Self::default();
@@ -251,7 +253,8 @@ impl View {
     }
 }
 
-/// Name of a game's or solver's field on the command line and in links; other fields keep their names.
+/// The name of a field of a game or solver on the command line and in links. Other fields keep
+/// their names.
 #[must_use]
 pub fn parameter(field: &str) -> &str {
     match field {

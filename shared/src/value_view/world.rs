@@ -17,8 +17,8 @@ const RIGHT: f64 = 8.0;
 const POINTS: usize = 400;
 
 impl Play {
-    /// The pursuer's path in the evader's frame, for [`Map::over`]. It is strong until the vehicles
-    /// are closest, and faint afterwards.
+    /// The pursuer's path in the evader's frame, for [`Map::over`]. It is a strong line until the
+    /// vehicles are closest, and a faint line afterwards.
     #[must_use]
     pub fn relative_path(&self) -> Vec<Layer> {
         let points: Vec<Point> = self.relative.iter().map(|[x, y, _]| [*x, *y]).collect();
@@ -38,8 +38,8 @@ impl Play {
         layers
     }
 
-    /// Both paths in the world, in a picture of this width (px), with the vehicles at the start and
-    /// when they are closest, and the danger disc at that time.
+    /// Both paths in the world, in a picture of this width (px). It shows the vehicles at the start
+    /// and at their closest approach, and the danger disc at the closest approach.
     #[must_use]
     pub fn world(&self, radius_m: f64, width: f64) -> Drawing {
         let paths = [(&self.evader, colours::HUMAN), (&self.pursuer, colours::ROBOT)];
@@ -50,7 +50,7 @@ impl Play {
         }
         let [wide, high] = [0, 1].map(|d| window.high[d] - window.low[d]);
         let room = 0.08 * wide.max(high);
-        // Both axes have the same scale. This limits the aspect ratio.
+        // Both axes have the same scale, so the window is enlarged to limit the aspect ratio.
         let [more_x, more_y] =
             [(high - wide).max(0.0), (0.5 * wide - high).max(0.0)].map(|more| 0.5 * more + room);
         let x = [window.low[0] - more_x, window.high[0] + more_x];

@@ -1,4 +1,4 @@
-//! Program of the demonstration page.
+//! Entry point of the demonstration page.
 
 use sidestep_web::pages::lab::{Demonstration, Lab};
 

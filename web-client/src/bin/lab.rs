@@ -1,4 +1,4 @@
-//! Program of the laboratory.
+//! Entry point of the laboratory.
 
 use sidestep_web::pages::lab::{Lab, Laboratory};
 

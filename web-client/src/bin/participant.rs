@@ -1,7 +1,6 @@
-//! Program of the participant's page.
+//! Entry point of the participant's page.
 
-/// This allocator has a third of the default allocator's size, and is as fast for the work of this
-/// page.
+/// This allocator is a third of the size of the default allocator, and equally fast for this page.
 #[global_allocator]
 static ALLOCATOR: rlsf::SmallGlobalTlsf = rlsf::SmallGlobalTlsf::new();
 

@@ -1,4 +1,4 @@
-//! Program of the laboratory's page for value functions.
+//! Entry point of the laboratory's page for value functions.
 
 use sidestep_web::pages::lab::{Inspector, Lab};
 

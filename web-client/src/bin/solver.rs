@@ -1,4 +1,4 @@
-//! Program of the solver, which runs in a worker for the laboratory's pages.
+//! Entry point of the solver, which runs in a worker for the laboratory's pages.
 
 fn main() {
     sidestep_web::browser::solver::work();

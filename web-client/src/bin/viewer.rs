@@ -1,4 +1,4 @@
-//! Program of the laboratory's pages that draw scenes and predicted sets.
+//! Entry point of the laboratory's pages that draw scenes and predicted sets.
 
 use sidestep_web::pages::lab::{Lab, Viewer};
 

@@ -16,7 +16,7 @@ pub(super) fn current(window: &Window) -> Address {
     )
 }
 
-/// Resolves `url` against the current address. Returns `None` if it has another origin.
+/// Resolves `url` against the current address. Returns `None` if the result has a different origin.
 pub(super) fn of_url(window: &Window, url: &str) -> Option<Address> {
     let location = window.location();
     let url = Url::new_with_base(url, &location.href().ok()?).ok()?;
@@ -29,7 +29,7 @@ fn address(origin: String, path: String, search: &str, hash: &str) -> Address {
     Address { origin, path, search: search.to_owned(), query: decoded(search), fragment }
 }
 
-/// Decodes the names and values of a query.
+/// Decodes a query into pairs of names and values.
 fn decoded(query: &str) -> Vec<(String, String)> {
     let Ok(parameters) = UrlSearchParams::new_with_str(query) else { return Vec::new() };
     let text = |pair: &Array, place| pair.get(place).as_string().unwrap_or_default();

@@ -7,8 +7,8 @@ use sidestep::picture::{Brush, Picture, Points};
 use wasm_bindgen::prelude::*;
 use web_sys::{CanvasRenderingContext2d, Document, HtmlCanvasElement, ResizeObserver, Window};
 
-/// Paints in the colours for a light or a dark background, as the user prefers. Browser objects are
-/// created once and reused, so that a frame allocates none.
+/// A painter with colours for a light or a dark background, as the user prefers. It reuses browser
+/// objects, so painting a frame creates none.
 #[derive(Default)]
 pub(super) struct Painter {
     is_dark: bool,
@@ -44,21 +44,22 @@ impl Painter {
         self.colours.clear();
     }
 
-    /// Uses the same background as the other painter.
+    /// Copies the light or dark setting of the other painter.
     pub(super) fn be_like(&mut self, other: &Self) {
         if self.is_dark != other.is_dark {
             self.set_dark(other.is_dark);
         }
     }
 
-    /// Discards the measured size, because the canvas or the device pixels have changed size.
+    /// Discards the measured size. Needed after the size of the canvas or the pixel ratio has
+    /// changed.
     pub(super) fn measure_again(&mut self) {
         if let Some(sheet) = &mut self.sheet {
             sheet.size_px = None;
         }
     }
 
-    /// Finds the canvas with this id. From then on, the painter paints on it.
+    /// Selects the canvas with this id. The painter paints on it from then on.
     pub(super) fn find(
         &mut self,
         document: &Document,
@@ -70,7 +71,7 @@ impl Painter {
         self.sheet.as_ref().map(|sheet| &sheet.canvas)
     }
 
-    /// Paints a picture on the canvas, if there is one.
+    /// Paints a picture if the selected canvas is the picture's canvas.
     pub(super) fn paint(&mut self, window: &Window, picture: &Picture) {
         let Some(mut sheet) = self.sheet.take() else { return };
         if sheet.id == picture.canvas {
@@ -158,14 +159,14 @@ pub(super) struct SizeWatcher {
 }
 
 impl SizeWatcher {
-    /// Creates a watcher without a canvas.
+    /// Creates a watcher that does not watch a canvas yet.
     pub(super) fn new(callback: impl FnMut() + 'static) -> Option<Self> {
         let callback = Closure::<dyn FnMut()>::new(callback);
         let observer = ResizeObserver::new(callback.as_ref().unchecked_ref()).ok()?;
         Some(Self { observer, watched: None, _callback: callback })
     }
 
-    /// Watches only this canvas from now on.
+    /// Watches this canvas instead of the previous one.
     pub(super) fn watch(&mut self, canvas: &HtmlCanvasElement) {
         if self.watched.as_ref() != Some(canvas) {
             self.observer.disconnect();
@@ -208,7 +209,8 @@ impl Brush for Canvas<'_> {
         let mut is_lifted = true;
         for [x, y] in points {
             match is_lifted {
-                // The browser ignores a line to NaN. After it, a new line starts.
+                // The browser ignores a point with a NaN coordinate. The next point starts a new
+                // line.
                 false => context.line_to(x, y),
                 true => context.move_to(x, y),
             }

@@ -7,12 +7,12 @@ use web_sys::{Performance, Window};
 /// Maximum speed of the clock in a simulated participation.
 const MAX_SPEED: f64 = 50.0;
 
-/// Milliseconds since the page was opened. The clock is monotonic and independent of changes to the
-/// time of day. It is the browser's own clock, except in a simulated participation at another
-/// speed.
+/// The page's clock: the time since the page was opened (ms). It is monotonic and unaffected by
+/// changes to the time of day. It equals the browser's clock, except in a simulated participation
+/// at another speed.
 ///
-/// In such a participation, the clock stops when something is due and continues when the page has
-/// handled it. So nothing is ever late, even on a slow machine.
+/// At another speed, the clock stops whenever work is due and continues when the page has done that
+/// work. So nothing is ever late, even on a slow machine.
 pub(super) struct Clock {
     performance: Option<Performance>,
     is_simulated: bool,

@@ -15,21 +15,21 @@ pub(super) struct Dom<M> {
     shown: Vec<Child<M>>,
 }
 
-/// A DOM node, with those of its children that this program created. A translator or another
-/// extension may have inserted further children.
+/// A DOM node and the children of it that this program created. Browser extensions, such as
+/// translators, may have inserted other children.
 struct Mounted {
     object: web_sys::Node,
     children: Vec<Mounted>,
 }
 
 impl<M> Dom<M> {
-    /// Starts with an empty element `root`.
+    /// Wraps the empty element `root`.
     pub(super) fn new(document: &Document, root: &HtmlElement) -> Self {
         let root = Mounted { object: root.clone().into(), children: Vec::new() };
         Self { document: document.clone(), root, shown: Vec::new() }
     }
 
-    /// Replaces the last view.
+    /// Updates the document to show this view.
     pub(super) fn show(&mut self, view: Node<M>) {
         let new = vec![Child::Node(view)];
         let edits = diff::children(&self.shown, &new);
@@ -48,8 +48,8 @@ impl<M> Dom<M> {
             let active = active.filter(|active| {
                 active.is_connected() && self.document.active_element().as_ref() != Some(active)
             });
-            // An element that takes the focus when it appears begins a new page, and users read a
-            // new page from its top.
+            // A new element that takes the focus marks the start of a new page, so scroll to the
+            // top.
             if let (Some(_), Some(window)) = (&hand.focus, self.document.default_view()) {
                 window.scroll_to_with_x_and_y(0.0, 0.0);
             }
@@ -60,7 +60,8 @@ impl<M> Dom<M> {
         self.shown = new;
     }
 
-    /// The innermost handler around `target` that satisfies `hears`, and the handler's element.
+    /// Finds the innermost handler around `target` that satisfies `hears`. Returns it with its
+    /// element.
     pub(super) fn handler(
         &self,
         target: &web_sys::Node,
@@ -192,7 +193,7 @@ fn move_before(
 /// Sets an attribute, or removes it if `value` is `None`.
 fn set(element: &Element, name: &str, value: Option<&str>) -> Result<(), JsValue> {
     match name {
-        // The content security policy forbids style attributes, but not the style object.
+        // The content security policy forbids style attributes, but allows the style object.
         "style" => {
             if let Some(element) = element.dyn_ref::<HtmlElement>() {
                 element.style().set_css_text(value.unwrap_or_default());
@@ -203,8 +204,8 @@ fn set(element: &Element, name: &str, value: Option<&str>) -> Result<(), JsValue
             element.set_inner_html(value.unwrap_or_default());
             return Ok(());
         }
-        // Once a user has changed a field, its attribute contains only the initial value, so set
-        // the property too.
+        // Once a user has changed a field, its attribute sets only the initial value, so set the
+        // property too.
         "value" => drop(Reflect::set(element, &name.into(), &value.unwrap_or_default().into())),
         "checked" | "selected" => {
             drop(Reflect::set(element, &name.into(), &value.is_some().into()))

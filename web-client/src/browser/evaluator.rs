@@ -1,10 +1,10 @@
 //! Both sides of an evaluator: the page's side and the worker. The worker has its own program
 //! (`bin/evaluator.rs`) and answers one question after another until the page stops it.
 //!
-//! The page sends a part (its index in [`Part::ALL`]) with bytes, and the worker reports in JSON.
-//! The worker's first message is empty and means that it is ready. Between two pieces of work, the
-//! worker lets the browser deliver new messages from the page, so that a new question never waits
-//! for an older one.
+//! The page sends the index of a [`Part`] in [`Part::ALL`] together with its content as bytes. The
+//! worker reports in JSON. The worker's first message is empty and means that it is ready. Between
+//! two pieces of work, the worker lets the browser deliver new messages from the page, so that a
+//! new question never waits until an older one is answered.
 
 use crate::evaluation::{Evaluation, Part};
 use crate::runtime::{Answer, Failure};
@@ -85,7 +85,8 @@ pub fn work() {
     let Ok(scope) = js_sys::global().dyn_into::<DedicatedWorkerGlobalScope>() else {
         return;
     };
-    // A message to itself is queued behind messages that the page has sent meanwhile.
+    // To continue its work, the worker sends a message to itself. The browser delivers that message
+    // after all messages that the page has already sent.
     let Ok(channel) = MessageChannel::new() else { return };
     let evaluation = Rc::new(RefCell::new(Evaluation::default()));
     // Send only one such message at a time, because several would delay the page's messages.
@@ -105,7 +106,7 @@ pub fn work() {
             is_coming.set(false);
             let mut evaluation = evaluation.borrow_mut();
             let begun_ms = Date::now();
-            // If the page is gone, the browser ends this worker too.
+            // Errors are ignored: if the page is gone, the browser ends this worker too.
             let mut tell = |report: String| drop(scope.post_message(&report.into()));
             let mut is_more = evaluation.work(&mut tell);
             while is_more && Date::now() - begun_ms < PIECE_MS {

@@ -42,7 +42,7 @@ impl<P: Page + 'static> Pump<P> {
                     shell.clock.browser_ms(after_ms),
                 );
             }
-            // This arm removes the code below from pages that never solve.
+            // With this arm, the compiler removes the next arm from pages that never solve.
             Command::Solve { .. } if !P::solves() => {}
             Command::Solve { name, task, then } => {
                 let number = shell.begin(name);
@@ -111,8 +111,8 @@ impl<P: Page + 'static> Pump<P> {
                 shell.underway.push(Underway { name, number, _work });
             }
             Command::Cancel(name) => shell.underway.retain(|underway| underway.name != name),
-            // If a user leaves while a film is being recorded, the film so far is still wanted. End
-            // the recording; the film is then offered for download.
+            // A user who leaves during a recording still gets the film so far: ending the recording
+            // offers the film for download.
             Command::CancelAll if P::offers_files() => {
                 shell.underway.retain(|underway| {
                     underway._work.downcast_ref::<film::Film>().map(film::Film::end).is_some()
@@ -171,8 +171,8 @@ impl<P: Page + 'static> Pump<P> {
                             files::offer_blob(&document, &file, &film)
                                 .map_err(|_| "The browser did not accept the film.".to_owned())
                         });
-                        // Drop the film only after this listener, which belongs to it, has
-                        // returned.
+                        // `finish` drops the film. It runs in the background, because this listener
+                        // belongs to the film and must return first.
                         let (pump, then) = (pump.clone(), Rc::clone(&then_ended));
                         background(async move { pump.finish(number, || then(offered)) });
                     };

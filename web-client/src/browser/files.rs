@@ -14,8 +14,9 @@ pub(super) fn is_field(field: &Element) -> bool {
     field.matches("input[type=file]").unwrap_or(false)
 }
 
-/// The text of the file that is selected in a field, if any. Empty if the file cannot be read.
-/// Clears the field, so that the same file can be selected again.
+/// The text of the file that is selected in a field. Returns `None` if no file is selected, and an
+/// empty text if the file cannot be read. Clears the field, so that the same file can be selected
+/// again.
 pub(super) async fn opened(field: &Element) -> Option<String> {
     let files = Reflect::get(field, &"files".into()).ok()?;
     let file = Reflect::get_u32(&files, 0).ok()?.dyn_into::<Blob>().ok()?;
@@ -34,8 +35,8 @@ pub(super) fn offer(document: &Document, name: &str, media_type: &str, content: 
     }
 }
 
-/// Resizes the canvas `image` to that of `canvas` and copies `canvas` onto it. Unpainted parts of a
-/// canvas are transparent, so the copy gets the page's background colour.
+/// Resizes the canvas `image` to the size of `canvas` and copies `canvas` onto it. Unpainted parts
+/// of a canvas are transparent, so the copy gets the page's background colour.
 pub(super) fn paint_on_ground(
     canvas: &HtmlCanvasElement,
     image: &HtmlCanvasElement,
@@ -112,7 +113,7 @@ pub(super) fn offer_blob(document: &Document, name: &str, blob: &Blob) -> Result
     link.set_href(&url);
     link.set_download(name);
     link.unchecked_ref::<HtmlElement>().click();
-    // After this delay, the browser has begun to read the URL.
+    // Revoke the URL only after this delay, when the browser has certainly begun to read it.
     let forget = Closure::once_into_js(move || {
         let _ = Url::revoke_object_url(&url);
     });

@@ -28,8 +28,8 @@ pub(super) struct Film {
 }
 
 impl Film {
-    /// Starts recording the canvas with this id. `ended` gets the film, or the reason for its
-    /// failure, after [`Self::end`] or when the browser gives up.
+    /// Starts recording the canvas with this id. When the recording stops, through [`Self::end`] or
+    /// because the browser stops it, `ended` is called with the film or with an error message.
     pub(super) fn begin(
         document: &Document,
         canvas: &str,

@@ -1,4 +1,4 @@
-//! Event listeners on the document. They are removed when they are dropped.
+//! Event listeners on the document. Dropping a listener removes it from the document.
 
 use super::canvas::SizeWatcher;
 use super::surroundings::window_size;
@@ -12,7 +12,7 @@ use web_sys::{
     Node, PointerEvent, WheelEvent,
 };
 
-/// An event listener, which exists as long as this value.
+/// An event listener. Dropping it removes the listener from its target.
 pub(super) struct Listener {
     target: EventTarget,
     name: &'static str,
@@ -45,7 +45,7 @@ impl Listener {
 impl Drop for Listener {
     fn drop(&mut self) {
         let function = self.callback.as_ref().unchecked_ref();
-        // This fails only for a target that no longer exists, which has no listeners.
+        // This fails only if the target no longer exists, and then there is nothing to remove.
         let _ = self.target.remove_event_listener_with_callback(self.name, function);
     }
 }
@@ -80,7 +80,7 @@ impl<P: Page + 'static> Pump<P> {
             if !pump.used(event, |handler| matches!(handler, Handler::Press(_))) && P::navigates() {
                 pump.link(event);
             }
-            // A press by keyboard has a click count of 0.
+            // A click from the keyboard has a click count of 0.
             let pressed = event.dyn_ref::<MouseEvent>().is_some_and(|press| press.detail() > 0);
             if P::has_short_cuts() && pressed {
                 give_up_keys(event, "button, a, summary, [type=checkbox], [type=radio]");
@@ -89,8 +89,8 @@ impl<P: Page + 'static> Pump<P> {
         if P::has_short_cuts() {
             self.on(&root, "pointerdown", |pump, _| pump.shell.borrow_mut().has_pointed = true);
             self.on(&root, "change", |pump, event| {
-                // While a view is being updated, a field also fires this event when it loses the
-                // focus to a new field.
+                // A field also fires this event when an update of the view moves the focus to a new
+                // field. The shell is borrowed during such an update.
                 if pump.shell.try_borrow().is_ok_and(|shell| shell.has_pointed) {
                     give_up_keys(event, "select");
                 }
@@ -151,7 +151,7 @@ impl<P: Page + 'static> Pump<P> {
             return;
         }
         let code = event.code();
-        // This condition removes the code from pages without shortcuts.
+        // With the first condition, the compiler removes this code from pages without shortcuts.
         if P::has_short_cuts() && is_needed(event, &code) {
             if down {
                 self.shell.borrow_mut().has_pointed = false;
@@ -178,8 +178,8 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    /// Reports all keys as released, because macOS does not report keys that are released while the
-    /// command key is down.
+    /// Reports all keys as released. This is needed because macOS does not report keys that are
+    /// released while the command key is down.
     fn release(&self, stamp: f64) {
         let codes = std::mem::take(&mut self.shell.borrow_mut().down);
         for code in codes {
@@ -200,7 +200,7 @@ impl<P: Page + 'static> Pump<P> {
         let t_ms = self.shell.borrow().clock.of(event.time_stamp());
         match handler {
             Handler::Press(message) => self.dispatch(message, t_ms),
-            // This condition removes the code from pages without files.
+            // With the first condition, the compiler removes this code from pages without files.
             Handler::Input(make) if P::offers_files() && files::is_field(&element) => {
                 let pump = self.clone();
                 background(async move {
@@ -251,7 +251,7 @@ impl<P: Page + 'static> Pump<P> {
             _ => Does::Hover,
         };
         match does {
-            // A drag continues even beyond the element.
+            // Capture the pointer, so that a drag continues outside the element.
             Does::Press => {
                 let pointer = event.dyn_ref::<PointerEvent>().map(PointerEvent::pointer_id);
                 let _ = pointer.map(|pointer| element.set_pointer_capture(pointer));
@@ -296,9 +296,9 @@ impl<P: Page + 'static> Pump<P> {
     }
 }
 
-/// Returns the keyboard to the page after a control was used by pointer. For example, a user who
-/// sets the speed with the mouse can then press Space to play. For keyboard users, the focus stays
-/// at the control.
+/// Takes the focus from a control that was used by pointer, so that the page gets the keys again.
+/// For example, a user who sets the speed with the mouse can then press Space to play. For keyboard
+/// users, the control keeps the focus.
 fn give_up_keys(event: &web_sys::Event, controls: &str) {
     let target = event.target().and_then(|target| target.dyn_into::<Element>().ok());
     let control = target.and_then(|target| target.closest(controls).ok().flatten());

@@ -41,7 +41,7 @@ async fn begin(window: &Window) -> Result<(), JsValue> {
     let user = User { document, person, study, trials: 0, driven: None, held: None };
     let user = Rc::new(RefCell::new(user));
 
-    // Runs at every step that the page shows, before the next step is due.
+    // The observer runs after every step that the page shows and before the next step is due.
     let watching = Rc::clone(&user);
     let watch = Closure::<dyn FnMut()>::new(move || watching.borrow_mut().steer());
     let observer = MutationObserver::new(watch.as_ref().unchecked_ref())?;
@@ -139,8 +139,8 @@ impl User {
         }
         let step_ms = 1000.0 * self.study.parameters.step_s;
         let step: f64 = attribute("data-step").parse().unwrap_or(0.0);
-        // The margin of 1 ms covers rounding errors of a key change exactly at the start of the
-        // next step.
+        // The margin of 1 ms ensures that a key change exactly at the start of the next step counts
+        // despite rounding errors.
         let next_ms = (step + 1.0) * step_ms + 1.0;
         while let Some((_, changes)) = &mut self.driven
             && let Some(change) = changes.pop_if(|change| change.at_ms <= next_ms)
@@ -191,7 +191,7 @@ impl User {
             let name = field.get_attribute("name").unwrap_or_default();
             let kind = property(&field, "type");
             if kind == "radio" {
-                // For simulators, the page marks the right answers to the check of understanding.
+                // For the simulator, the page marks the right answers to the comprehension check.
                 let is_right = !name.starts_with("check-") || field.has_attribute("data-right");
                 if is_right && !groups.contains(&name) {
                     groups.push(name);

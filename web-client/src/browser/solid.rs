@@ -9,13 +9,13 @@ use std::rc::Rc;
 use wasm_bindgen::prelude::*;
 use web_sys::{Document, HtmlCanvasElement, WebGl2RenderingContext as Gl, WebGlProgram, Window};
 
-/// Paints on one canvas. Browser objects are created once for each canvas.
+/// A painter for one canvas at a time. Browser objects are created once for each canvas.
 #[derive(Default)]
 pub(super) struct Painter(Option<Canvas>);
 
 struct Canvas {
     element: HtmlCanvasElement,
-    /// `None` without WebGL.
+    /// The WebGL 2 context. `None` if the browser does not support it.
     gl: Option<Gl>,
     /// Program and buffers on the GPU, once they are loaded.
     loaded: Option<Loaded>,
@@ -33,7 +33,7 @@ struct Loaded {
 /// Number of frames timed for a new mesh.
 const TIMED: usize = 3;
 
-/// Supersampling factor along each side, while nothing moves.
+/// Supersampling factor in each direction while nothing moves.
 const STILL: f64 = 2.0;
 
 const VERTEX: &str = "#version 300 es
@@ -42,7 +42,8 @@ uniform mat4 matrix;
 out vec3 facing; out float height;
 void main() { gl_Position = matrix * vec4(place, 1.0); facing = normal; height = place.z; }";
 
-/// The light and the tones of the library's drawing, with rings at equal heights.
+/// Fragment shader. It uses the light and the tones of the library's drawing, and adds rings at
+/// equal intervals of height.
 const FRAGMENT: &str = "#version 300 es
 precision highp float;
 in vec3 facing; in float height;
@@ -59,9 +60,9 @@ void main() {
 }";
 
 impl Painter {
-    /// Draws a solid. Returns `None` if the browser cannot draw it. When a mesh is drawn for the
-    /// first time, returns the time of a frame (ms). Calls `tell` when the context is lost and when
-    /// it is restored.
+    /// Draws a solid. Returns `None` if the browser cannot draw it. Returns the time of a frame
+    /// (ms) only when it draws a mesh for the first time. Calls `tell(false)` when the context is
+    /// lost and `tell(true)` when it is restored.
     pub(super) fn draw<M>(
         &mut self,
         document: &Document,
@@ -76,7 +77,7 @@ impl Painter {
         }
         let canvas = self.0.as_mut()?;
         if canvas.gl.as_ref()?.is_context_lost() {
-            // The page is notified of a lost context by a separate message.
+            // A listener notifies the page of a lost context.
             return Some(None);
         }
         if canvas.is_lost.take() {
@@ -87,8 +88,8 @@ impl Painter {
             canvas.paint(window, solid, solid.is_still)?;
             return Some(None);
         }
-        // The first frame of a mesh uploads it, so only later frames are timed. Other work of the
-        // browser may slow one of them, but hardly all.
+        // The first frame uploads the mesh, so only later frames are timed. The shortest time
+        // counts, because other work of the browser may slow some of the frames.
         canvas.paint(window, solid, false)?;
         canvas.wait();
         let clock = window.performance()?;
@@ -106,8 +107,8 @@ impl Painter {
 
 impl Canvas {
     fn new(element: HtmlCanvasElement, tell: impl Fn(bool) + Clone + 'static) -> Self {
-        // Edges are smoothed by supersampling while nothing moves, because multisampling is slow on
-        // a CPU renderer.
+        // Disable multisampling, which is slow on a CPU renderer. Supersampling smooths the edges
+        // instead while nothing moves.
         let options = js_sys::Object::new();
         let _ = js_sys::Reflect::set(&options, &"antialias".into(), &false.into());
         let context = element.get_context_with_context_options("webgl2", &options).ok().flatten();

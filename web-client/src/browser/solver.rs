@@ -2,9 +2,9 @@
 //! (`bin/solver.rs`), which computes one value function and ends.
 //!
 //! The worker's name is its task as JSON, so the page need not send a message to a worker that is
-//! still loading. The worker reports progress as numbers (0 to 1). It ends with the bytes of the
-//! function or, if there is no solution, with the reason as text. The browser stops the worker when
-//! the page closes.
+//! still loading. The worker reports progress as numbers (0 to 1). Its last message is the bytes of
+//! the value function or, if there is no solution, the reason as text. The browser stops the worker
+//! when the page closes.
 
 use crate::json;
 use crate::runtime::Solving;
@@ -73,7 +73,7 @@ pub fn work() {
     };
     let reporter = scope.clone();
     std::panic::set_hook(Box::new(move |panic| {
-        // If this message is also lost, the page still gets the error event of the panic.
+        // If this message is lost, the page still gets the error event of the panic.
         let _ = reporter.post_message(&format!("The solver stopped: {panic}").into());
     }));
     let sent = match solved(&scope) {
@@ -96,7 +96,7 @@ fn solved(scope: &DedicatedWorkerGlobalScope) -> Result<Vec<u8>, String> {
         let now = (100.0 * progress.done).floor();
         if now > percent {
             percent = now;
-            // If the page is gone, the browser ends this worker too.
+            // Errors are ignored: if the page is gone, the browser ends this worker too.
             let _ = scope.post_message(&progress.done.into());
         }
         ControlFlow::Continue(())

@@ -1,6 +1,6 @@
 //! Storage in this browser for the pages of this origin. It has one record per name, in the object
-//! store `kept` of the database `sidestep`. Earlier versions used the local storage under the same
-//! names. Records there are still read and deleted.
+//! store `kept` of the database `sidestep`. Earlier versions stored their records in local storage
+//! under the same names. Such records are still read and can be deleted.
 
 use crate::runtime::NotKept;
 use js_sys::{Array, Function, Object, Promise, Reflect};
@@ -12,7 +12,8 @@ use web_sys::{DomException, IdbDatabase, IdbOpenDbRequest, IdbRequest, IdbTransa
 const DATABASE: &str = "sidestep";
 const STORE: &str = "kept";
 
-/// Timeout of the database (ms). After it, the database counts as unavailable.
+/// Timeout for a database request (ms). If the database does not answer in time, it counts as
+/// unavailable.
 const PATIENCE_MS: i32 = 2_000;
 
 /// The database, or the reason why it cannot be used.
@@ -33,7 +34,8 @@ impl Storage {
         let database = match open(window).await {
             Ok(database) => match all(window, &database).await {
                 Ok(kept) => {
-                    // A record in the database takes precedence over one of an earlier version.
+                    // A record in the database takes precedence over a record of an earlier
+                    // version.
                     records.retain(|(name, _)| kept.iter().all(|(known, _)| known != name));
                     records.extend(kept);
                     Ok(database)
@@ -51,7 +53,7 @@ impl Storage {
         Self { window: window.clone(), database, is_persistent: false }
     }
 
-    /// Why nothing can be stored.
+    /// Returns why nothing can be stored, if that is the case.
     pub(super) fn failure(&self) -> Option<NotKept> {
         self.database.as_ref().err().copied()
     }
@@ -137,7 +139,7 @@ fn write(database: &IdbDatabase) -> Result<IdbTransaction, JsValue> {
     Ok(begun.unchecked_into())
 }
 
-/// A promise that settles when the request does.
+/// A promise that settles when the request succeeds or fails.
 fn answered(request: &IdbRequest) -> Promise {
     Promise::new(&mut |done, failed| {
         request.set_onsuccess(Some(&done));
@@ -145,7 +147,7 @@ fn answered(request: &IdbRequest) -> Promise {
     })
 }
 
-/// A promise that settles when the transaction does.
+/// A promise that settles when the transaction completes or aborts.
 fn committed(transaction: &IdbTransaction) -> Promise {
     Promise::new(&mut |done, failed| {
         transaction.set_oncomplete(Some(&done));

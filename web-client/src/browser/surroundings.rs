@@ -1,4 +1,5 @@
-//! What a page knows of the browser around it when it opens: its element, the device and its languages.
+//! What a page knows about its environment when it opens: its root element, the device and the
+//! user's languages.
 
 use super::address;
 use crate::runtime::PageContext;
@@ -22,7 +23,7 @@ pub(super) fn context(window: &Window) -> PageContext {
     PageContext {
         address: address::current(window),
         languages: languages.iter().filter_map(|language| language.as_string()).collect(),
-        // A device without any pointer counts as one with a keyboard.
+        // A device without any pointer counts as a device with a keyboard.
         touch_only: matches(window, "(any-pointer: coarse)")
             && !matches(window, "(any-pointer: fine), (any-hover: hover)"),
         reduced_motion: matches(window, "(prefers-reduced-motion: reduce)"),

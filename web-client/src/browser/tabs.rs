@@ -1,9 +1,9 @@
-//! Exclusive use by one of several tabs: the tab that claimed it last.
+//! Exclusive use of a name by the tab that claimed it last.
 //!
 //! A tab broadcasts the time of its claim. A tab that receives a later time gives up its own claim.
-//! A tab that receives an earlier time replies with its own, so that exactly one tab is left in any
-//! order of messages. Unlike the browser's locks, a broadcast channel also works on pages loaded
-//! without encryption.
+//! A tab that receives an earlier time replies with its own time. So exactly one tab keeps its
+//! claim, in whatever order the messages arrive. Unlike the browser's locks, a broadcast channel
+//! also works on pages loaded without encryption.
 
 use js_sys::Date;
 use wasm_bindgen::prelude::*;

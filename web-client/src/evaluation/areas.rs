@@ -1,4 +1,5 @@
-//! The area needed for a given coverage, for one family of sets after another (SHFRS first).
+//! Computes the area that each family of sets needs for a given coverage, one family after another
+//! (SHFRS first).
 
 use super::counting::longest;
 use super::{Asked, CONFIDENCE, Predicted, Report, Work};
@@ -13,9 +14,10 @@ use sidestep::shfrs::window::{Trajectory, WindowChoice};
 /// A question: how much area does a coverage cost?
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AreaQuestion {
-    /// The number in its reports.
+    /// Number of the question. Its reports repeat the number.
     pub number: u32,
-    /// Choice of actions and number of future steps. The widenings are ignored.
+    /// Settings, of which only the choice of actions and the number of future steps are used. The
+    /// widenings are ignored.
     pub settings: ShfrsFile,
     /// Indices of the tasks for training, for calibration and for the test.
     pub parts: Parts,
@@ -34,11 +36,11 @@ const TARGETS: [f64; 3] = [0.75, 0.9, 0.95];
 /// The smallest target coverage. If there are too few tasks for it, nothing is compared.
 pub const LEAST_TARGET: f64 = TARGETS[0];
 
-/// One window per task, which is drawn as the `sidestep` command draws it.
+/// One random window per task, drawn as in the `sidestep` command.
 pub(super) const WINDOWS: WindowChoice = WindowChoice::RandomOne { seed: Split::USUAL.seed };
 
-/// Results for the baselines, in order, and the parts and the number of future steps for which they
-/// are valid.
+/// Cached results for the baselines, in order, and the parts and the number of future steps for
+/// which they are valid.
 #[derive(Default)]
 pub(super) struct Known {
     of: Option<(Parts, usize)>,
@@ -89,7 +91,7 @@ impl Comparing {
         }))
     }
 
-    /// Evaluates one more family. Returns whether there are more.
+    /// Evaluates the next family. Returns whether more families remain.
     pub(super) fn go_on(
         &mut self,
         prediction: &Predicted<'_>,
@@ -121,7 +123,7 @@ impl Comparing {
         Ok(self.done < self.compared.len())
     }
 
-    /// Results so far, if there are new ones.
+    /// Returns the results so far, or `None` if nothing is new.
     pub(super) fn report(&mut self) -> Option<Report> {
         if std::mem::replace(&mut self.is_told, true) {
             return None;

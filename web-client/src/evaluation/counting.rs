@@ -14,7 +14,7 @@ use sidestep::shfrs::window::{Trajectory, WindowChoice};
 /// A question: how often do the sets contain the future?
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Question {
-    /// The number in its reports.
+    /// Number of the question. Its reports repeat the number.
     pub number: u32,
     /// Settings of the sets.
     pub settings: ShfrsFile,
@@ -71,7 +71,7 @@ impl Counting {
         }))
     }
 
-    /// Counts one more task. Returns whether there are more.
+    /// Counts the next task. Returns whether more tasks remain.
     pub(super) fn go_on(
         &mut self,
         trajectories: &[Trajectory],
@@ -86,7 +86,7 @@ impl Counting {
         Ok(self.done < self.order.len())
     }
 
-    /// Counts so far, if there are new ones.
+    /// Returns the counts so far, or `None` if nothing is new.
     pub(super) fn report(&mut self) -> Option<Report> {
         if std::mem::replace(&mut self.is_told, true) {
             return None;
@@ -95,7 +95,7 @@ impl Counting {
         let report = Report { number: self.number, done, ..Report::default() };
         Some(match self.count.regions(WINDOWS, self.tolerance, &self.settings, CONFIDENCE) {
             Ok(regions) => Report { regions: Some(regions), ..report },
-            // The first tasks may be too short for a window.
+            // The tasks counted so far may be too short for a window.
             Err(_) if done < 1.0 => report,
             Err(invalid) => Report { trouble: Some(invalid.to_string()), ..report },
         })

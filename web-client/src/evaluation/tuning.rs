@@ -15,16 +15,17 @@ use sidestep::stats::Estimate;
 /// What to tune the settings for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Aim {
-    /// The number in its reports.
+    /// Number of the request. Its reports repeat the number.
     pub number: u32,
     /// The probability that a trajectory stays inside F_1, in (0, 1).
     pub p: f64,
-    /// The probability that calibration may fail, if the guarantee is to hold for each calibration.
-    /// `None` if it is to hold on average over calibrations.
+    /// If the guarantee must hold for the individual calibration, the probability that the
+    /// calibration fails. `None` if the guarantee must hold only on average over calibrations.
     pub delta: Option<f64>,
     /// The number of future steps T.
     pub steps: usize,
-    /// Indices of the tasks for the choice of actions, for ε and for the coverage.
+    /// Indices of the tasks that are used to choose the actions, to choose ε and to measure the
+    /// coverage.
     pub parts: Parts,
 }
 
@@ -53,14 +54,14 @@ pub struct Found {
     pub actions: String,
     /// The guarantee in words, with its scope.
     pub statement: String,
-    /// The numbers of tasks for the choice of actions, for ε and for the coverage, and the number
-    /// of tasks without a window.
+    /// The numbers of tasks that were used to choose the actions, to choose ε and to measure the
+    /// coverage, and the number of tasks without a window.
     pub tasks: [usize; 4],
     /// The share of the test tasks that stay inside, with its confidence interval.
     pub coverage: Estimate,
     /// Mean area of the tube of F_1 (m²).
     pub mean_area_m2: f64,
-    /// The mean area as a share of the worst case's area.
+    /// The mean area as a fraction of the worst case's area.
     pub share_of_worst_case: f64,
 }
 
@@ -83,7 +84,7 @@ impl Tuning {
         Ok(Work::Tuning(Self { number: aim.number, aim, sample, found: None }))
     }
 
-    /// Tunes in a single piece. Passes progress reports to `progress`.
+    /// Does all the tuning in one call, and passes progress reports to `progress`.
     pub(super) fn go_on(
         &mut self,
         prediction: &Predicted<'_>,
@@ -116,7 +117,7 @@ impl Tuning {
         Ok(false)
     }
 
-    /// The result. It is returned only once.
+    /// Returns the result the first time, and `None` afterwards.
     pub(super) fn report(&mut self) -> Option<Report> {
         let found = Some(self.found.take()?);
         Some(Report { number: self.number, done: 1.0, found, ..Report::default() })

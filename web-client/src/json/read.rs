@@ -16,8 +16,8 @@ pub(super) enum Json {
     Object(Vec<(String, Json)>),
 }
 
-/// A value does not have the expected shape. There are no details: nobody sees them, and code that
-/// formats messages would cancel much of the savings.
+/// The error for a value that does not have the expected shape. It has no details, because nobody
+/// sees them, and because the code to format them would cancel much of the savings.
 #[derive(Debug)]
 pub(super) struct Unfit;
 
@@ -111,9 +111,9 @@ macro_rules! same {
     )*)*};
 }
 
-/// Types that request a specific format are deserialized only from that format, so the compiler can
-/// leave out the code for all other formats, which is large. Nothing is moved out of the tree, so
-/// no partially moved value must be dropped.
+/// A type that requests a specific format is deserialized only from that format. So the compiler
+/// can omit the large amount of code for all other formats. Nothing is moved out of the tree, so
+/// there is never a partially moved value to drop.
 impl<'de> Deserializer<'de> for &Json {
     type Error = Unfit;
 

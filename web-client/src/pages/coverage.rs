@@ -23,7 +23,7 @@ pub(super) struct Coverage {
     pub(super) tasks: usize,
     /// Fraction of these tasks that are counted so far.
     pub(super) done: f64,
-    /// Counts for this question or, until those arrive, for the previous one.
+    /// Counts for this question, or counts for the previous question until the new ones arrive.
     regions: Option<Regions>,
     /// Whether the counts are for the previous question.
     is_old: bool,
@@ -36,7 +36,8 @@ impl Coverage {
         Self { counts_all, ..Self::default() }
     }
 
-    /// A number for the next request. Reports with other numbers are then outdated.
+    /// Returns the number of the next request. Reports with other numbers are outdated from then
+    /// on.
     pub(super) fn next(&mut self) -> u32 {
         self.number += 1;
         self.number
@@ -75,8 +76,8 @@ impl Coverage {
         }
     }
 
-    /// The counts, if they are for this number of sets, and whether they are for the previous
-    /// settings.
+    /// Returns the counts if they are for this number of sets. The flag says whether they are for
+    /// the previous settings.
     pub(super) fn regions(&self, sets: usize) -> Option<(&Regions, bool)> {
         let regions = self.regions.as_ref().filter(|regions| regions.epsilon.len() == sets)?;
         Some((regions, self.is_old))

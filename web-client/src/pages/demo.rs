@@ -380,7 +380,7 @@ impl Demo {
         }
     }
 
-    /// Updates the playback to this time in the scene that is being driven.
+    /// Moves the playback to this time in the scene that is being driven.
     fn go_to(&mut self, now_ms: f64) -> Result<(), Invalid> {
         if let Stage::Driving(driving) = &self.stage {
             let (inputs, states) = (driving.inputs(), driving.states());
@@ -430,8 +430,8 @@ impl Demo {
 /// The link parameters of a replay that this page also has.
 const SEEN: [&str; 5] = ["show", "hr", "rh", "sets", "colours"];
 
-/// Whether a layer is offered. Layers that need the future are not, because it is unknown while
-/// driving.
+/// Whether this page offers a layer. Layers that need the future are excluded, because the future
+/// is unknown while driving.
 fn is_offered(layer: &sidestep::trial_view::layers::Layer) -> bool {
     layer.name != "future"
 }

@@ -1,5 +1,5 @@
 //! The explorer for one participant's predicted sets. Every change of a setting updates the sets at
-//! one instant, and the probabilities counted over the participant's tasks.
+//! the current instant and the probabilities counted over the participant's tasks.
 
 mod predictor;
 mod tuning;
@@ -49,8 +49,8 @@ pub enum ExplorerPage {
 pub enum Msg {
     /// The server sent the tasks.
     Drives(Answer),
-    /// A report from the server or the solver about the value function in which this vehicle
-    /// evades.
+    /// A report about the value function in which this vehicle evades, from the server or the
+    /// solver.
     ValueFunction(Evader, Solving),
     /// Stop solving.
     StopSolving,
@@ -92,7 +92,7 @@ pub enum Msg {
     Epsilon(usize, FieldValue),
     /// Choose actions by their number or by their probability.
     By(FieldValue),
-    /// Let at least this number of actions count, up to the step in the field.
+    /// Admit at least this number of actions, up to the step in the field.
     UpTo(usize, FieldValue),
     /// Set the number of actions at each step.
     K(FieldValue),
@@ -201,7 +201,7 @@ impl Page for ExplorerPage {
 pub struct Explorer {
     participant_id: String,
     drives: Drives,
-    /// The tasks as the server sent them. They are forwarded to the evaluators.
+    /// The tasks as the server sent them, to be forwarded to the evaluators.
     content: Vec<u8>,
     /// Index of the current task.
     task: usize,
@@ -281,7 +281,7 @@ impl Explorer {
                 return self.change(|wanted| {
                     if let Some(preset) = PRESETS.get(place) {
                         let suited = preset.settings(actions).for_turn_rate(turn_rate);
-                        // The kind of roll-outs is set separately.
+                        // The kind of roll-outs is a separate setting, so keep it.
                         *wanted = suited.with_rollout(wanted.rollout);
                     }
                     Ok(())
@@ -381,7 +381,7 @@ impl Explorer {
         trial_heading(study, *number, "explorer", *synthetic)
     }
 
-    /// The number of the predictor's actions. Without a predictor, the number of all inputs.
+    /// The number of the predictor's actions, or the number of all inputs if there is no predictor.
     fn actions(&self) -> usize {
         let learned = self.playback.learned();
         learned.map_or(ACTIONS, |learned| learned.predictor.classes().len())
@@ -421,8 +421,8 @@ impl Explorer {
             }
             Err(invalid) => {
                 self.complaint = Some(invalid);
-                // Counting and tuning in progress are for outdated settings. A predictor that is
-                // still loading is needed, so its request stays.
+                // Counting and tuning in progress use outdated settings, so discard them. The
+                // request for a predictor that is still loading must not be cancelled.
                 if self.playback.learned().is_some() {
                     self.coverage.forget();
                 }
@@ -431,7 +431,8 @@ impl Explorer {
         }
     }
 
-    /// Switches to another task. A predictor trained on the tasks before it changes as well.
+    /// Switches to another task. If the predictor is trained on the tasks before the current one,
+    /// it changes as well.
     fn go_to(&mut self, task: usize) -> Commands<Msg> {
         if task == self.task {
             return Vec::new();
@@ -440,7 +441,8 @@ impl Explorer {
         let Ok(mut playback) = Playback::new(recorded) else { return Vec::new() };
         let learned = self.playback.learned().cloned();
         if let Some(safety) = self.playback.safety().cloned() {
-            // Without a predictor, this cannot fail. With this predictor, it has succeeded before.
+            // Without a predictor, these calls cannot fail. With this predictor, they have
+            // succeeded before.
             let _ = playback.use_safety(safety);
             let _ = playback.use_learned(learned);
         }

@@ -1,4 +1,5 @@
-//! The laboratory: sign-in, sign-out, and one page at a time, which the address selects.
+//! The laboratory. It handles signing in and out, and shows one page at a time, which the address
+//! selects.
 
 mod hosted;
 mod visit;
@@ -99,7 +100,7 @@ impl<P: Program> Lab<P> {
         let key = if lab.is_open_to_all() { None } else { lab.key_of_address() };
         let commands = match key {
             Some(commands) => commands,
-            // A page that is the same for every user starts loading while the server checks the
+            // A page that is the same for every user starts to load while the server checks the
             // session.
             None if lab.is_open_to_all() || is_apart(&lab.address.path) => lab.show_address(),
             None => vec![who_is_there()],
@@ -165,8 +166,8 @@ impl<P: Program> Lab<P> {
         [Command::CancelAll].into_iter().chain(ask).chain(commands).collect()
     }
 
-    /// Wraps the page's commands, so that their messages return to this visit. If the session has
-    /// ended, the laboratory handles it instead of the page.
+    /// Wraps the page's commands, so that their messages return to this visit of the page. The
+    /// laboratory itself handles the end of the session.
     fn lifted(&self, commands: Commands<AnyMsg>) -> Commands<Msg> {
         let visit = self.visits;
         let lift = move |message| Msg::Page(visit, message);
@@ -196,7 +197,7 @@ fn who_is_there() -> Command<Msg> {
     Command::Send(Request::get("session", api::SESSION, Msg::Session))
 }
 
-/// The page of this program at a path, and the id in the path.
+/// Finds the page of this program at a path. Returns it with the id in the path.
 fn page_at<P: Program>(path: &str) -> Option<(&'static Route, &str)> {
     let mut pages = P::PAGES.iter().copied().flatten();
     pages.find_map(|route| Some((route, route.matches(path)?)))
@@ -254,7 +255,7 @@ impl<P: Program> Page for Lab<P> {
                     }
                 }
                 Err(Failure { status: 401, .. }) => {
-                    // A user who has not tried to sign in gets no error message.
+                    // A user who has not yet tried to sign in gets no error message.
                     let gave_key = matches!(self.state, State::SignedOut { .. });
                     self.ask_for_key(gave_key.then(|| "That key is not valid.".to_owned()))
                 }
@@ -281,7 +282,7 @@ impl<P: Program> Page for Lab<P> {
                     let commands = page.update(message, now_ms);
                     self.lifted(commands)
                 }
-                // The user has left the page of this message.
+                // The user has left the page that this message is for.
                 _ => Vec::new(),
             },
         }
@@ -320,8 +321,8 @@ impl<P: Program> Page for Lab<P> {
         if let Event::Address(address) = event {
             let path = &address.path;
             let is_lab = path == "/lab" || path.starts_with("/lab/");
-            // All other addresses belong to other programs. The program with the first page also
-            // reports addresses without a page.
+            // All other addresses belong to other programs. The program that contains the first
+            // page also handles addresses without a page.
             let is_ours = is_lab
                 && (page_at::<P>(path).is_some()
                     || (page_at::<P>("/lab").is_some() && !is_apart(path)));
@@ -376,7 +377,7 @@ impl<P: Program> Lab<P> {
         let about = match &self.state {
             State::Asking | State::SignedOut { .. } => return header,
             _ if self.is_open_to_all() || !self.is_seen() => return header,
-            // The navigation already shows which of its pages is open.
+            // If the navigation marks this page as the current one, the title is not repeated.
             State::Open(page) if !NAVIGATION.iter().any(|(it, _)| is_current(it)) => page.title(),
             State::Open(..) | State::Nowhere => String::new(),
         };
@@ -391,7 +392,7 @@ impl<P: Program> Lab<P> {
         )
     }
 
-    /// The error message, except on the sign-in form, which shows its own.
+    /// The error message. The sign-in form shows its own.
     fn alert(&self) -> Option<Node> {
         let is_signed_in = matches!(self.state, State::Open(..) | State::Nowhere);
         self.trouble.as_deref().filter(|_| is_signed_in).map(|why| alert("trouble", why))

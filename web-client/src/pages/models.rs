@@ -1,4 +1,4 @@
-//! The models of analyses from which a page can choose for its predictions.
+//! The models of analyses that a page can use for its predictions.
 
 use super::parts::{self, percent};
 use crate::runtime::{Address, Answer, Command, Commands, Request, encoded, read};
@@ -8,7 +8,7 @@ use sidestep::api::{
 };
 use sidestep::chart::fixed;
 
-/// A model of an analysis, by its file.
+/// A model of an analysis, identified by its file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Named {
     pub(super) analysis: String,
@@ -26,7 +26,7 @@ impl Named {
         })
     }
 
-    /// The value of the model's option in a list. An analysis id never contains a slash.
+    /// The value of the model's option in a selection list. An analysis id never contains a slash.
     pub(super) fn value(&self) -> String {
         format!("{}/{}", self.analysis, self.file)
     }
@@ -140,18 +140,18 @@ pub(super) fn name(it: &PredictorSummary) -> String {
     format!("{} on {}", parts::model(&it.model), it.features)
 }
 
-/// An option of a list.
+/// An option of a selection list.
 pub(super) fn option<M>(value: String, is_chosen: bool, words: String) -> Node<M> {
     el("option").attr("value", value).attr_if(is_chosen, "selected", "").text(words)
 }
 
-/// Options under a heading.
+/// A group of options with this heading.
 pub(super) fn group<M>(words: String) -> Node<M> {
     el("optgroup").attr("label", words)
 }
 
-/// The groups of a selection list with these models. A link may name another model; `source` has
-/// the server's facts about it.
+/// The groups of a selection list with these models. If a link names a model that is not in the
+/// list, the model is added with the facts in `source`.
 pub(super) fn groups<M>(
     offered: &Offered,
     chosen: Option<&Named>,

@@ -11,8 +11,8 @@ use sidestep::trial_view::style::{Palette, Sets};
 use sidestep::trial_view::view::View;
 use sidestep::vehicle::TurnInput;
 
-/// A switch for each layer that `offered` accepts. For the layer at an index in [`LAYERS`], `key`
-/// is the label of its key, and `switched` the message of its switch.
+/// A switch for each layer that `offered` accepts. For a layer's index in [`LAYERS`], `key` returns
+/// the label of its key and `switched` returns the message of its switch.
 pub(super) fn switches<M>(
     view: &View,
     offered: impl Fn(&Layer) -> bool,
@@ -58,9 +58,9 @@ pub(super) fn switch<M>(test_id: &str, is_on: bool, message: M) -> Node<M> {
 /// Maximum number of layers whose legend fits in one column.
 const ONE_COLUMN: usize = 6;
 
-/// The legend of the picture or, if `both`, of two pictures, then below them. Its width depends on
-/// which layers are switched on and not on their content, so that the picture beside it keeps its
-/// size while a trial loads.
+/// The legend of the picture. If `both`, it is the legend of two pictures and is placed below them.
+/// Its width depends only on which layers are switched on and not on their content, so that the
+/// picture beside it keeps its size while a trial loads.
 pub(super) fn legend<M>(items: Vec<LegendItem>, view: &View, both: bool) -> Node<M> {
     let layers = view.shown.iter().filter(|shown| **shown).count();
     let place = match (both, layers > ONE_COLUMN) {
@@ -72,7 +72,7 @@ pub(super) fn legend<M>(items: Vec<LegendItem>, view: &View, both: bool) -> Node
         let sign = drawn(item.sign.element(ColourStyle::Properties)).attr("aria-hidden", "true");
         el("li").child(sign).child(with_subscripts("span", &item.text))
     });
-    // The legend scrolls in a low window, so it must be reachable by keyboard.
+    // In a low window the legend scrolls, so it must be reachable by keyboard.
     el("ul")
         .class(place)
         .attrs(&[("aria-label", "Legend"), ("tabindex", "0")])
@@ -80,7 +80,7 @@ pub(super) fn legend<M>(items: Vec<LegendItem>, view: &View, both: bool) -> Node
         .children(items)
 }
 
-/// A selection list with its label; each option has a value and a text.
+/// A selection list with its label. Each option has a value and a text.
 pub(super) fn select<M: 'static>(
     id: &'static str,
     label: &str,
@@ -116,8 +116,8 @@ pub(super) fn inputs<M>(probabilities: &[(TurnInput, f64)]) -> Node<M> {
         .child(el("dl").class("bars").children(bars))
 }
 
-/// The predicted sets with their areas, and with cells for how often they contain the future, if
-/// given.
+/// The predicted sets with their areas. If `chances` is given, its cells show how often the sets
+/// contain the future.
 pub(super) fn regions<M>(
     playback: &Playback,
     view: &View,

@@ -1,8 +1,8 @@
 //! The participant's page: consent, the check of keyboard and screen, instructions, one scene after
 //! another, questions, and the completion code. It never shows safety levels.
 //!
-//! The page is a state machine of `Stage`s. Its sentences come from the server, in the
-//! participant's language.
+//! The page is a state machine whose states are `Stage`s. Its sentences come from the server, in
+//! the participant's language.
 
 mod link;
 mod arena;
@@ -55,37 +55,37 @@ pub struct Participant {
     /// All texts, in the participant's language.
     texts: Texts,
     session: Option<Session>,
-    /// The server's last report about the participation.
+    /// The last progress report of the server.
     progress: Option<Progress>,
     plan: Vec<PlannedTrial>,
     /// Ids of the trials that the server has.
     stored: Vec<String>,
     outbox: Outbox,
-    /// By trial id, how often each scene has started to move in front of the participant.
+    /// How often each scene has started to move in front of the participant, by trial id.
     exposures: Vec<(String, u32)>,
     steering: Steering,
     held: HeldKeys,
-    /// The last error message, as long as it matters.
+    /// The last error message, while it is relevant.
     trouble: Option<String>,
-    /// What the study does after a wrong answer in the check of understanding. Set while new
+    /// The study's reaction to a wrong answer in the comprehension check. `Some` while new
     /// questions are being loaded.
     renews: Option<AfterWrong>,
-    /// The key of a sentence about the last scene, or the last answers.
+    /// The key of a sentence about the last scene or about the last answers.
     hint: Option<&'static str>,
     /// Why this browser could not store a record.
     not_kept: Option<NotKept>,
-    /// The id of the trial that the server refused last. The participant repeats it.
+    /// The id of the trial that the server refused last, so that the participant repeats it.
     refused: Option<String>,
-    /// The number of stored trials when the server last sent the whole plan.
+    /// The number of stored trials at the time when the server last sent the whole plan.
     plan_known_at: usize,
-    /// Whether the server has already reported missing data once, although everything seemed to be
+    /// Whether the server has already reported missing data at a time when everything seemed to be
     /// stored.
     was_incomplete: bool,
     /// Requests to repeat after a pause.
     retry: Vec<fn(&Self) -> Command<Msg>>,
-    /// The form sent last: the result of the check of understanding, or the answers.
+    /// The body sent last: either the result of the comprehension check, or the answers.
     submitted: String,
-    /// Whether the page fills the screen, and whether it has asked for that before.
+    /// Whether the page is in full screen, and whether it has requested full screen before.
     is_fullscreen: bool,
     was_fullscreen: bool,
     /// Whether the browser asks users for confirmation before they leave.
@@ -110,25 +110,25 @@ pub enum Msg {
     Texts(Answer),
     /// The participant chose another language.
     Language(String),
-    /// Go to this part of the study.
+    /// Show this part of the study.
     Go(Part),
     /// Start to choose other keys (true), or restore the default keys (false).
     ChooseKeys(bool),
     /// The server answered the enrolment.
     Enrolled(Answer),
-    /// The browser has stored the participant's token, or failed to do so.
+    /// The browser has stored the participant's token, or has failed to do so.
     SessionKept(Result<(), NotKept>),
-    /// The browser has stored a dispensable record, or failed to do so.
+    /// The browser has stored a record that the study does not depend on, or has failed to do so.
     Noted,
     /// The server reported the progress of the participation.
     Progress(Answer),
-    /// The participant answered the check of understanding.
+    /// The participant answered the comprehension check.
     Checked(Form),
     /// The server answered the upload of the check's result.
     Understood(Answer),
     /// The participant starts the next scene.
     Start,
-    /// Something is due by the clock.
+    /// Something is due at the current time.
     Clock,
     /// The participant answered the questions after the last scene.
     Questions(Form),
@@ -142,7 +142,7 @@ pub enum Msg {
     Completed(Answer),
     /// Enter or leave full screen.
     Fullscreen(bool),
-    /// Withdraw. True also deletes all data.
+    /// Withdraw. `true` also deletes all data.
     Withdraw(bool),
     /// The server answered the withdrawal.
     Withdrawn(Answer),
@@ -157,7 +157,7 @@ pub enum Msg {
 pub enum Part {
     /// Consent, although the device seems to have no keyboard.
     Welcome,
-    /// The check of keyboard and screen, after the consent.
+    /// The check of keyboard and screen after the consent.
     Equipment,
     /// Enrolment.
     Enrolment,
@@ -167,9 +167,9 @@ pub enum Part {
     Understanding,
     /// The next scene.
     Ready,
-    /// The question whether to withdraw.
+    /// The question whether the participant wants to withdraw.
     Withdrawal,
-    /// From the question about withdrawal back to the study.
+    /// Back to the study from the question about withdrawal.
     Study,
 }
 
@@ -186,30 +186,30 @@ impl Participant {
         page.language = page.kept_text(LANGUAGE);
         let mut commands = vec![page.ask_study(), page.ask_texts()];
         if page.link.token.is_some() {
-            // Remove the secret from the address bar.
+            // Remove the personal link's secret from the address bar.
             commands.push(Command::ReplaceAddress(page.link.url()));
         }
         (page, commands)
     }
 
-    /// Parses the record that the browser had under a name when the page opened.
+    /// Parses the record that was stored under a name when the page opened.
     fn kept<T: serde::de::DeserializeOwned>(&self, name: &str) -> Option<T> {
         self.kept_text(name).and_then(|text| json::read(text.as_bytes()))
     }
 
-    /// The same record as text.
+    /// Returns the same record as text.
     fn kept_text(&self, name: &str) -> Option<String> {
         let kept = self.context.kept.iter().find(|(known, _)| known == name);
         kept.map(|(_, text)| text.clone())
     }
 
-    /// A sentence without placeholders.
+    /// A sentence that has no placeholders.
     fn say(&self, key: &str) -> String {
         self.texts.get(key, &[])
     }
 
-    /// Joins sentences with the language's separator, because Chinese has no space between
-    /// sentences.
+    /// Joins sentences with the separator of the language. In Chinese, for example, there is no
+    /// space between sentences.
     fn join(&self, sentences: &[String]) -> String {
         let between = self.say("page.between");
         let mut joined = String::new();
@@ -316,7 +316,8 @@ impl Participant {
                 return vec![self.ask_withdrawal()];
             }
             Msg::Withdrawn(answer) => return self.withdrawn(answer),
-            // An empty text means no session; the page is reloaded after the browser has stored it.
+            // An empty text means that there is no session. After the browser has stored it, the
+            // page is reloaded.
             Msg::Afresh => {
                 let name = self.session_name();
                 return vec![Command::Keep {
@@ -342,8 +343,7 @@ impl Page for Participant {
     type Msg = Msg;
 
     fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
-        // The time of a key event may be before the last frame, but the displayed time never goes
-        // back.
+        // A key event may be older than the last frame, but the displayed time must never go back.
         self.now_ms = now_ms.max(self.now_ms);
         let is_answer = matches!(
             message,
@@ -400,8 +400,8 @@ impl Page for Participant {
         let changes = match &mut self.stage {
             Stage::Countdown(_, ends_ms, left_s) => {
                 let is_next = now_ms >= *ends_ms - 1000.0 * f64::from(left_s.saturating_sub(1));
-                // A scene does not start while a key is down. It starts one second after the keys
-                // are released.
+                // A scene does not start while a key is down. Once the keys are released, it starts
+                // after one second.
                 is_next && (self.held.is_empty() || *left_s > 1)
             }
             Stage::Driving(_, drive) => drive.tick(now_ms),

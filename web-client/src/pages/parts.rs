@@ -5,12 +5,12 @@ use crate::view::{Node, el};
 use sidestep::comparison::models::ModelName;
 use sidestep::trial::Flag;
 
-/// Shown while a page is loading.
+/// The page to show while loading.
 pub(super) fn loading<M>() -> Node<M> {
     el("main").class("card").child(el("p").class("quiet").attr("role", "status").text("Loading…"))
 }
 
-/// Shown when a page of the laboratory cannot be shown.
+/// The page to show if a page of the laboratory cannot be shown.
 pub(super) fn stuck<M>(title: &str, why: &str) -> Node<M> {
     el("main")
         .class("card")
@@ -51,7 +51,7 @@ pub(super) fn fact<M>(name: &str, value: impl Into<String>) -> Node<M> {
     el("div").child(el("dt").text(name)).child(el("dd").text(value))
 }
 
-/// A notice that a program drove. It is shown on every page with data of synthetic participants.
+/// A notice that a program drove, for every page that shows data of synthetic participants. Returns
 /// `None` for data of people.
 pub(super) fn synthetic<M>(is_so: bool) -> Option<Node<M>> {
     let words = "Synthetic: a program drove, no person.";
@@ -95,13 +95,13 @@ pub(super) fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
 }
 
-/// The name of a kind of model.
+/// The label of a kind of model.
 pub(super) fn model(word: &str) -> &str {
     // A newer server may know other kinds of models.
     ModelName::of_word(word).map_or(word, |model| model.row().label)
 }
 
-/// The flags of a trial in words; empty if it has none.
+/// The flags of a trial in words. Empty if the trial has no flags.
 pub(super) fn flags(flags: &[Flag]) -> String {
     let words: Vec<_> = flags.iter().map(|flag| flag.word().replace('_', " ")).collect();
     words.join(", ")

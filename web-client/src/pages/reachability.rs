@@ -21,28 +21,32 @@ use std::rc::Rc;
 /// The page.
 pub struct Reachability {
     view: View,
-    /// Errors in the link and in fields: the parameter's name, and a message.
+    /// Errors in the link and in fields, each with the name of the parameter and a message.
     misread: Vec<(String, String)>,
-    /// The solve in progress: its start on the page's clock (ms), and the fraction done.
+    /// The solve in progress: the time at which it started, on the page's clock (ms), and the
+    /// fraction done.
     solving: Option<(f64, f64)>,
-    /// The file that is being written: the fraction done, or why it failed.
+    /// The file that is being written: the fraction done, or the reason for the failure.
     writing: Option<Result<f64, String>>,
-    /// The value function of `view`. While that is being solved, the previous one.
+    /// The value function of `view`, or the previous value function while a new one is being
+    /// solved.
     found: Option<Found>,
     /// Why there is no value function.
     missing: Option<String>,
-    /// The position of the pointer (m), if the pointer moved after the cross-hair.
+    /// The position of the pointer (m), if the pointer has moved since the cross-hair moved.
     pointer: Option<[f64; 2]>,
     /// Optimal play from the cross-hair, or an error message.
     game: Option<Result<Play, String>>,
-    /// The position at which the pointer grabbed the tube, and the viewing angles at that time.
+    /// While the pointer holds the tube: the position at which it grabbed the tube, and the viewing
+    /// angles at that time.
     held: Option<([f32; 2], [i16; 2])>,
-    /// Whether the browser can draw solids, and how long it takes to draw one (ms), once measured.
+    /// Whether the browser can draw solids, and how long drawing one takes (ms), once it is
+    /// measured.
     has_graphics: bool,
     frame_ms: Option<f64>,
     /// Whether the user wants the solid although drawing it is slow.
     insists: bool,
-    /// Whether the view has changed within the last moments.
+    /// Whether the view has changed very recently.
     moves: bool,
     /// Width of the window (px).
     window_px: f64,
@@ -51,7 +55,7 @@ pub struct Reachability {
 /// Messages to the page.
 #[derive(Clone, Debug)]
 pub enum Msg {
-    /// The control for this link parameter has another value.
+    /// The control for this link parameter has a new value.
     Set(&'static str, FieldValue),
     /// A report from the solver.
     Solving(Solving),
@@ -92,15 +96,15 @@ const SOLVE: &str = "value-function";
 /// Name of the solve whose result is a file.
 const FILE: &str = "value-function-file";
 const LINK: &str = "link";
-/// The link is updated after this time without changes (ms), because browsers limit how often it
-/// may change.
+/// The link is updated after this time without changes (ms), because browsers limit how often a
+/// page may change its address.
 const LINK_AFTER_MS: f64 = 250.0;
 /// Id of the canvas element.
 const CANVAS: &str = "solid";
-/// Maximum time to draw a solid that turns smoothly (ms).
+/// Maximum drawing time (ms) at which a solid still turns smoothly.
 const SLOW_MS: f64 = 50.0;
-/// Maximum width of the tube's picture (px), and its height as a fraction of the width. A wider
-/// space enlarges the picture. A narrower space shrinks it, but not its text.
+/// Maximum width of the tube's picture (px), and its height as a fraction of the width. In a wider
+/// space, the picture is enlarged. In a narrower space, the picture shrinks, but its text does not.
 const SOLID_PX: f64 = 640.0;
 const SOLID_HEIGHT: f64 = 0.75;
 
@@ -135,8 +139,8 @@ impl Reachability {
         (page, commands)
     }
 
-    /// Gets the value function of the view: immediately if it has a closed form, otherwise from a
-    /// worker.
+    /// Gets the value function of the view. A closed form is available immediately. Otherwise, a
+    /// worker solves the game.
     fn begin(&mut self, now_ms: f64) -> Commands<Msg> {
         self.missing = None;
         self.solving = None;
@@ -184,7 +188,7 @@ impl Reachability {
         }
     }
 
-    /// Sets a value from a control, in the format of a link.
+    /// Sets a link parameter to the value of a control.
     fn set(&mut self, name: &'static str, value: &FieldValue) {
         let text = match value {
             FieldValue::Number(Some(number)) => number.to_string(),
@@ -196,7 +200,7 @@ impl Reachability {
         }
     }
 
-    /// How the tube and its box are viewed.
+    /// The viewing direction and the scale of the tube and its box.
     fn orbit(&self, found: &Found) -> Orbit {
         let zoom = f64::from(self.view.zoom_percent) / 100.0;
         let width = self.widths()[0].min(SOLID_PX);
@@ -206,8 +210,8 @@ impl Reachability {
     /// Widths of the map and of the world's picture (px). They are side by side if there is enough
     /// space.
     fn widths(&self) -> [f64; 2] {
-        // These numbers must match the style sheet: the panel, and the margins around and between
-        // the pictures.
+        // These numbers must match the style sheet: the width of the panel, and the margins around
+        // and between the pictures.
         let is_narrow = self.window_px <= 760.0;
         let room = if is_narrow { self.window_px - 13.0 } else { self.window_px - 320.0 - 48.0 };
         let room = room.clamp(300.0, 992.0);
@@ -217,13 +221,13 @@ impl Reachability {
         }
     }
 
-    /// The position whose numbers are shown: that of the pointer or, without one, that of the
-    /// cross-hair.
+    /// The position whose numbers are shown: the pointer's position or, without a pointer, the
+    /// cross-hair's position.
     fn at_m(&self) -> [f64; 2] {
         self.pointer.unwrap_or(self.view.at_m)
     }
 
-    /// The relative state at this position and the view's heading.
+    /// The relative state at this position with the view's heading.
     fn state(&self, [x, y]: [f64; 2]) -> [f64; 3] {
         [x, y, self.view.psi()]
     }
@@ -269,13 +273,13 @@ impl Reachability {
         }
     }
 
-    /// Whether the tube is shown as a solid. The browser must be able to draw it, and fast enough
-    /// unless the user insists.
+    /// Whether the tube is shown as a solid. The browser must be able to draw it, and the drawing
+    /// must be fast enough unless the user insists.
     fn shows_solid(&self) -> bool {
         self.has_graphics && (self.insists || self.frame_ms.is_none_or(|ms| ms <= SLOW_MS))
     }
 
-    /// The tube cut at eight headings, to show if the solid is not shown.
+    /// Cuts through the tube at eight headings, as a substitute for the solid.
     fn small_multiples(&self, found: &Found) -> Drawing {
         let headings = [0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0];
         slices(found.function(), &headings, &[self.view.level_m])
@@ -290,7 +294,7 @@ impl Reachability {
         download.into_iter().collect()
     }
 
-    /// Solves again for a file, because the values on this page are rounded to a millimetre.
+    /// Solves again for the file, because the values on this page are rounded to a millimetre.
     fn begin_file(&mut self) -> Commands<Msg> {
         self.writing = Some(Ok(0.0));
         let task = Task { as_archive: true, ..task(&self.view) };

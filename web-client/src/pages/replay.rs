@@ -72,8 +72,8 @@ pub enum Msg {
     Analyses(Answer),
     /// The server listed the participant's models in this analysis.
     Models(String, Answer),
-    /// A report from the server or the solver about the value function in which this vehicle
-    /// evades.
+    /// A report about the value function in which this vehicle evades, from the server or the
+    /// solver.
     ValueFunction(Evader, Solving),
     /// Stop solving.
     StopSolving,
@@ -89,7 +89,7 @@ pub enum Msg {
     Step(i32),
     /// Plays at this speed.
     Speed(FieldValue),
-    /// Plays trials one after another, or stops at the end of this one.
+    /// Plays trials one after another, or stops at the end of the current trial.
     InARow,
     /// Selects which predicted sets to draw.
     Sets(FieldValue),
@@ -123,7 +123,7 @@ impl ReplayPage {
     pub fn open(trial_id: &str, address: &Address) -> (Self, Commands<Msg>) {
         let trial = Request::get("trial", routes::admin_trial(trial_id), Msg::Trial);
         let mut commands = vec![Command::Send(trial)];
-        // Training by the server takes longest, so it runs while the trial is loading.
+        // Training on the server takes the longest, so request it before the trial has arrived.
         if let Ask::Server(predictor) = first_choice(address).ask(trial_id) {
             commands.push(predictor);
         }
@@ -262,7 +262,7 @@ impl Replay {
             let link = (!self.is_playing()).then(|| Command::ReplaceAddress(self.address()));
             return link.into_iter().collect();
         }
-        // A change of the view updates the link.
+        // If the view changes, the link must be updated.
         let before = (!self.is_playing()).then(|| self.address());
         // The panes whose prediction may have changed.
         let panes = match &message {
@@ -374,7 +374,8 @@ impl Replay {
         trial_heading(study, summary.participant_number, &summary.scene_words(), *synthetic)
     }
 
-    /// Sets a value from a control, in the format of a link. An invalid value changes nothing.
+    /// Sets a parameter of the view to the value of a control. An invalid value only causes an
+    /// error message.
     fn set(&mut self, name: &str, value: &FieldValue) {
         let mut view = self.view.clone();
         match view.set(name, value.text()) {
@@ -420,8 +421,8 @@ impl Replay {
         self.update(message, now_ms)
     }
 
-    /// At the end of playback, goes to the next trial if the user wants that. A film contains only
-    /// one trial.
+    /// At the end of a trial, continues with the next trial if the user wants that. A film contains
+    /// only one trial.
     fn at_the_end(&self) -> Commands<Msg> {
         let is_over = self.view.time_s >= self.playback.duration_s();
         let goes_on = self.in_a_row && is_over && !self.filming;

@@ -1,5 +1,5 @@
-//! Where a page that draws scenes gets value functions from: from the server if it has solved them,
-//! otherwise from a solver in a worker.
+//! The value functions of a page that draws scenes. They come from the server if it has solved
+//! them, and otherwise from a solver in a worker.
 
 use super::parts::button;
 use crate::runtime::{Answer, Command, Commands, Request, Solving};
@@ -10,8 +10,8 @@ use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Evader, SceneParameters};
 use std::rc::Rc;
 
-/// The value functions in which either vehicle evades, or their progress. One function may serve
-/// both vehicles.
+/// The value functions of a scene, one for each evading vehicle, or the progress of loading them. A
+/// single function may serve both vehicles.
 pub(super) struct Sources<M> {
     sources: Vec<Source>,
     /// Converts a report of the server or a solver to a message.
@@ -115,8 +115,8 @@ impl<M: Clone + 'static> Sources<M> {
         solving.map(stop).collect()
     }
 
-    /// Processes a report of the server or the solver about the function in which `evader` evades.
-    /// Ignores an outdated report.
+    /// Processes a report from the server or the solver about the function in which `evader`
+    /// evades. Ignores outdated reports.
     pub(super) fn take(&mut self, evader: Evader, solving: Solving) {
         let source = self.sources.iter_mut().find(|s| s.evader == evader && s.is_underway());
         if let Some(source) = source {
@@ -131,7 +131,7 @@ impl<M: Clone + 'static> Sources<M> {
         }
     }
 
-    /// Both functions, once loaded.
+    /// Returns both functions as soon as they are loaded.
     pub(super) fn functions(&self) -> Option<SafetyLevels> {
         let known = |source: &Source| match &source.state {
             State::Known(function) => Some(function.clone()),
@@ -166,7 +166,8 @@ impl<M: Clone + 'static> Sources<M> {
         }
     }
 
-    /// The notice over the scene: progress, or an error, with buttons that send these messages.
+    /// The notice over the scene. It shows the progress, or an error message, with buttons that
+    /// send `stop` or `again`.
     pub(super) fn notice(&self, stop: M, again: M) -> Option<Node<M>> {
         if let Some(why) = self.missing() {
             return Some(trouble(why, again));

@@ -1,4 +1,4 @@
-//! Addresses of pages, and texts as parts of them.
+//! Addresses of pages, and the encoding of texts in addresses.
 
 /// The parts of an address that identify a page.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

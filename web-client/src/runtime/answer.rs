@@ -1,4 +1,4 @@
-//! Answers of the server, and why a request failed.
+//! Answers from the server, and failures of requests.
 
 use sidestep::api::Problem;
 

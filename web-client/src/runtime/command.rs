@@ -1,4 +1,4 @@
-//! What a page can tell the browser to do, and what comes of it.
+//! Commands of a page to the browser, and their outcomes.
 
 use super::answer::Answer;
 use crate::evaluation::Part;
@@ -13,8 +13,8 @@ pub type Then<T, M> = Box<dyn FnOnce(T) -> M>;
 
 /// A command of a page to the browser.
 ///
-/// Requests, timers and solves have names. Starting one under a name in use cancels the earlier
-/// one, whose outcome then never arrives.
+/// Requests, timers and solves have names. Starting one cancels any earlier one with the same name.
+/// The outcome of the cancelled one never arrives.
 pub enum Command<M> {
     /// Send a request.
     Send(Request<M>),
@@ -37,7 +37,7 @@ pub enum Command<M> {
         then: Rc<dyn Fn(Solving) -> M>,
     },
     /// Send a message to an evaluator. The content is a function, so that programs without
-    /// evaluators, such as the participant's, contain no code for its result.
+    /// evaluators, such as the participant's, do not contain the code that creates the message.
     Evaluate(Box<dyn FnOnce() -> Evaluate<M>>),
     /// Send a message now, and whenever the server reports a change. The connection is closed while
     /// the page is hidden. When the page is shown again, the message is sent immediately.
@@ -70,7 +70,7 @@ pub enum Command<M> {
     TakeOver(String),
     /// Set the page's language.
     Language(String),
-    /// Switch on or off that users must confirm before they leave the page.
+    /// Set whether users must confirm before they leave the page.
     GuardLeaving(bool),
     /// Enter or leave full screen. The browser allows this only as a reaction to a key or button
     /// press.

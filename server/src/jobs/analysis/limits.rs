@@ -13,13 +13,14 @@ use sidestep::trial::Phase;
 pub struct Limits {
     /// Memory (MiB).
     pub memory_mib: u64,
-    /// Work (hours of one processor).
+    /// Processor time (hours of one processor).
     pub hours: f64,
     /// Number of threads that share the memory.
     pub threads: usize,
 }
 
-/// The ways to make a request cheaper, each as a field, a cheaper request, and a description.
+/// The ways to make a request cheaper. Each has the field to change, the cheaper request, and a
+/// description.
 fn lighter(request: &Request) -> Vec<(String, Request, &'static str)> {
     let with = |field: &str, change: fn(&mut Request), how| {
         let mut lighter = request.clone();

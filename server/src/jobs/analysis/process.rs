@@ -85,7 +85,7 @@ pub(super) async fn compute(
         going = child.tell(&message, &beside).await.is_ok();
     }
     if going {
-        // An error means that the child has ended, and the next read shows this.
+        // An error means that the child has ended. The next read then fails, too.
         let _ = child.tell(&ToChild::Begin, &[]).await;
     }
     let outcome = keep_all(store, job, &mut child, how_far).await?;
@@ -98,8 +98,8 @@ pub(super) async fn compute(
     })
 }
 
-/// Answers the child's queries and stores its messages until it is done. Returns `None` if the
-/// child ends before.
+/// Answers the child's queries and stores its messages until it is done. Returns `None` if the child
+/// ends earlier.
 async fn keep_all(
     store: &Store,
     job: &Job,
@@ -121,14 +121,14 @@ async fn keep_all(
                 if kept.is_some() {
                     used.insert(key);
                 }
-                // An error means that the child has ended, and the next read shows this.
+                // An error means that the child has ended. The next read then fails, too.
                 let _ = child.tell(&answer, &kept.unwrap_or_default()).await;
                 true
             }
             FromChild::Computed(key) => {
                 how_far.fresh.fetch_add(1, Ordering::Relaxed);
                 if let Err(error) = store.put_cells(job, &key, beside).await {
-                    // An uncached cell only costs time.
+                    // Cells that are not cached are only computed again.
                     tracing::warn!(%error, "cells of an analysis were not cached");
                 }
                 used.insert(key);

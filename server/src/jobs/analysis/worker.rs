@@ -1,4 +1,4 @@
-//! Computes the requested analyses one by one, outside of requests.
+//! Computes the requested analyses one by one in the background.
 //!
 //! The row of an analysis in the database is authoritative. A request that cancels or deletes the
 //! analysis, or deletes data that it uses, changes the row. The worker notices this when it next
@@ -30,8 +30,8 @@ const LOOK: Duration = Duration::from_secs(2);
 /// Pause after a database error.
 const PAUSE: Duration = Duration::from_secs(5);
 
-/// Grace period at a system shutdown. The system signals the server at most this long after its
-/// child processes.
+/// Grace period at a system shutdown. The server receives its termination signal at most this long
+/// after its child processes receive theirs.
 const SHUTTING_DOWN: Duration = Duration::from_secs(1);
 
 /// The worker, which runs in the background until it is stopped.
@@ -108,7 +108,8 @@ impl Worker {
         }
     }
 
-    /// Completes when another server may have queued an analysis or stopped during one.
+    /// Completes when it is time to check whether another server queued an analysis or stopped during
+    /// an analysis.
     async fn others(&self) {
         match self.store.is_shared() {
             true => tokio::time::sleep(LOOK).await,

@@ -73,7 +73,7 @@ impl Task {
         let (answer, answers) = channel();
         end_with_stdin(move |message, beside| {
             if let ToChild::Cells { kept } = message {
-                // There is no receiver once the analysis is computed.
+                // Sending fails after the end of the computation, because the receiver is gone.
                 let _ = answer.send(kept.then_some(beside));
             }
         });

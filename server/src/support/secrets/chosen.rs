@@ -11,7 +11,7 @@ use subtle::ConstantTimeEq;
 /// Upper bound on the memory for one comparison with a hash (KiB).
 const MOST_MEMORY: u32 = 1 << 18;
 
-/// Upper bound on the passes over this memory, and on its lanes.
+/// Upper bound on the number of passes over this memory, and on the number of lanes.
 const MOST_PASSES: u32 = 16;
 
 /// The error for a text that begins like a hash, possibly in quotes.
@@ -22,10 +22,10 @@ const SHORTEST: usize = 16;
 
 /// A key chosen by an experimenter, or its Argon2 hash.
 ///
-/// Chosen keys can be guessed. So a server's configuration, such as a unit file, can contain the
-/// hash instead of the key. Each comparison with the hash takes processor time and 19 MiB. Once the
-/// correct key has been presented, a digest with random bits of this process recognises it as fast
-/// as any other key. The digest is never stored.
+/// A chosen key might be guessed, so its hash is slow. A server's configuration, such as a unit file,
+/// can contain the hash instead of the key. Each comparison with the hash takes processor time and 19
+/// MiB. Once the correct key has been presented, comparisons use a fast digest that includes random
+/// bits of this process. The digest is never stored.
 #[derive(Clone, Debug)]
 pub struct ChosenKey(Arc<Parts>);
 
@@ -36,16 +36,16 @@ struct Parts {
     salt: [u8; 32],
     /// The digest of the correct key, once it is known.
     known: OnceLock<[u8; 32]>,
-    /// The digest of the given text. It is in no database.
+    /// The digest of the given text. It is never stored in a database.
     given: [u8; 32],
 }
 
 impl ChosenKey {
     /// Parses a key or a hash.
     ///
-    /// # Errors
-    /// The expected and the found text, if the text is neither; or if the system provides no random
-    /// numbers.
+    /// If the text is neither a valid key nor a valid hash, the error contains the expected and the
+    /// found text. Also fails if the system provides no random numbers. The expected and the found
+    /// text, if the text is neither; or if the system provides no random numbers.
     pub fn of(text: &str) -> Result<Self, String> {
         let salt = random().map_err(|error| error.to_string())?;
         // If a hash in quotes were accepted as a key, anyone who can read the unit file could sign
@@ -69,7 +69,7 @@ impl ChosenKey {
         Ok(key)
     }
 
-    /// Whether this is the key. `None` if only [`Self::verify`] can decide this. Takes the same
+    /// Whether this is the key. Returns `None` if only [`Self::verify`] can decide this. Takes the same
     /// time for every key.
     #[must_use]
     pub fn compare(&self, key: &str) -> Option<bool> {
@@ -129,7 +129,7 @@ fn check_hash(text: &str) -> Result<(), String> {
     }
 }
 
-/// Refuses a hash whose comparison would need too many resources of the server.
+/// Refuses a hash whose cost parameters are too high for the server.
 fn check_costs(hash: &str) -> Result<(), String> {
     let parsed = PasswordHash::new(hash).ok();
     let costs = parsed.as_ref().and_then(|hash| Params::try_from(hash).ok());
@@ -182,7 +182,7 @@ mod tests {
         assert_eq!((key.compare(KEY), key.compare("another")), (Some(true), Some(false)));
     }
 
-    /// A hash that another program computed with other costs keeps these costs.
+    /// A hash that another program computed keeps its own cost parameters.
     #[test]
     fn hashes_keep_their_costs() {
         let hash = "$argon2id$v=19$m=65536,t=2,p=1$c29tZXNhbHQ$CTFhFdXPJO1aFaMaO6Mm5c8y7cJHAph8ArZWb2GRPPc";

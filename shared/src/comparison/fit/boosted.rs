@@ -1,4 +1,4 @@
-//! Gradient-boosted trees, a model beyond the paper that is trained in experiment I only.
+//! Gradient-boosted trees. They are not in the paper and are trained in experiment I only.
 
 use super::{Chosen, Problem, Rows, Training};
 use crate::comparison::cell::Experiment;
@@ -41,8 +41,8 @@ impl Problem<'_> {
         let settings = BoostingSettings::default();
         let (model, chosen) =
             boosting::fit_by_folds(&samples, &self.split.folds, depths, &settings)?;
-        // The log loss selects the depth and the number of rounds, but the table shows the accuracy of
-        // the selected settings.
+        // The log loss chooses the depth and the number of rounds. The table shows the accuracy of
+        // the chosen settings, which is computed here.
         let settings = BoostingSettings { depth: chosen.depth, rounds: chosen.rounds, ..settings };
         let again = |rows: &Rows| -> Result<Vec<(Scale, usize, Boosted)>, Invalid> {
             let (scale, values) = Scale::standardised(self.width(), &rows.values);

@@ -25,7 +25,7 @@ impl Training for Rbf {
     }
 
     fn cost_s(&self, grids: &Grids, thousands: f64) -> f64 {
-        // The larger γ is, the more rows are support vectors.
+        // The larger γ is, the more rows become support vectors.
         let slower = |gamma: &f64| pow(gamma / 0.3, 0.57).clamp(1.0, 7.5);
         let gammas: f64 = grids.rbf_gamma.iter().map(slower).sum();
         (0.014 + 0.0016 * grids.rbf_c.len() as f64) * gammas * pow(thousands, 2.1)
@@ -52,7 +52,7 @@ impl Training for Linear {
     }
 }
 
-/// SVMs of both experiments. The experiments share their kernels.
+/// Trains the SVMs of both experiments, which share their kernel matrices.
 fn svms(
     problems: &[Problem<'_>],
     kernels: Kernels,

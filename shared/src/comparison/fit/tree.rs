@@ -29,8 +29,8 @@ impl Training for DecisionTree {
 
 impl Problem<'_> {
     fn tree(&self, grids: &Grids) -> Result<Chosen, Invalid> {
-        // Settings are ordered by depth, then by leaf size. One tree per leaf size serves all
-        // depths.
+        // Settings are ordered by depth, then by leaf size. One tree per leaf size is enough,
+        // because it can be truncated to every depth.
         let grow = |rows: &Rows, depth, leaves: &[usize]| -> Result<Vec<Tree>, Invalid> {
             let (scale, values) = Scale::standardised(self.width(), &rows.values);
             let samples = Samples::new(self.width(), &values, &rows.labels, rows.classes.len())?;

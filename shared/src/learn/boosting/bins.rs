@@ -1,22 +1,23 @@
-//! Cuts columns into bins with about equally many rows, so that trees try few splits.
+//! Divides columns into bins with about equally many rows, so that trees have few splits to try.
 
 use crate::invalid::Invalid;
 use crate::learn::samples::Samples;
 use crate::learn::tree::grower::Columns;
 use core::ops::Range;
 
-/// The bins of each row.
+/// The bin of each row in each column.
 pub(super) struct Bins {
-    /// Rows × columns: the index of the bin, counted over the bins of all columns.
+    /// Rows × columns: the index of the bin. Bins are numbered consecutively over all columns.
     cells: Vec<u32>,
     /// First bin of each column, and the total number of bins.
     begins: Vec<usize>,
-    /// For each column, the threshold between each bin and the next.
+    /// For each column, the thresholds between adjacent bins.
     edges: Vec<Vec<f64>>,
 }
 
 impl Bins {
-    /// At most `most` ≥ 2 bins per column. Values that a tree would not separate share a bin.
+    /// Cuts each column into at most `most` ≥ 2 bins. Values that a tree would not separate share a
+    /// bin.
     ///
     /// # Errors
     /// The errors of [`Columns::new`].
@@ -73,8 +74,8 @@ impl Bins {
         &self.cells[row * width..(row + 1) * width]
     }
 
-    /// The feature's threshold between two bins, if all bins between them are empty. It is the
-    /// threshold after the middle bin.
+    /// The feature's threshold between bins `last` and `next`, if all bins between them are empty.
+    /// It is the threshold after the middle bin.
     pub(super) fn threshold(&self, column: usize, last: usize, next: usize) -> f64 {
         self.edges[column][(last + next) / 2]
     }
@@ -100,7 +101,7 @@ mod tests {
     fn many_values_share_bins_equally() {
         let values: Vec<f64> = (0..100).map(f64::from).collect();
         assert_eq!(bins(&values, 4), [24.5, 49.5, 74.5]);
-        // A value that is frequent enough to fill several bins takes only one.
+        // A frequent value takes only one bin, even if its rows could fill several.
         let values: Vec<f64> = (0..100).map(|i| f64::from((i - 60).max(0))).collect();
         assert_eq!(bins(&values, 4), [0.5, 14.5]);
     }

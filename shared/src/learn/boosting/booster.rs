@@ -1,4 +1,4 @@
-//! Adds Newton trees, round by round.
+//! Adds Newton trees to a model, round by round.
 
 use super::bins::Bins;
 use super::grower::{Grower, Limits};
@@ -70,7 +70,7 @@ impl<'a> Booster<'a> {
         }
         let begin = self.trees.len();
         for output in 0..outputs {
-            // With two classes, the only score is the second class's.
+            // With two classes, the only score belongs to the second class.
             let class = if outputs == 1 { 1 } else { output };
             let shares = self.shares.iter().skip(output).step_by(outputs);
             for ((derivatives, &label), p) in
@@ -89,8 +89,8 @@ impl<'a> Booster<'a> {
         &self.trees[begin..]
     }
 
-    /// Grows a tree of Newton steps, multiplied by the rate, with thresholds for unbinned features.
-    /// Records each row's leaf.
+    /// Grows a tree. Its leaf values are Newton steps, multiplied by the rate, and its thresholds
+    /// apply to unbinned features. Also records the leaf of each row.
     fn tree(&mut self) -> Summand {
         let grown = self.grower.grow(&self.bins, &self.newton, &mut self.leaf_of);
         let value = |(node, sums): (&Node, Sums)| match node.is_leaf() {
@@ -113,8 +113,8 @@ fn first_scores(counts: &[usize]) -> Vec<f64> {
     }
 }
 
-/// Converts scores to probabilities. Returns the logarithm of the sum of all e^score. A single
-/// score belongs to the second of two classes; the score of the first class is then 0.
+/// Converts scores to probabilities. Returns the logarithm of the sum of e^score over all classes.
+/// A single score belongs to the second of two classes, and the first class then has score 0.
 pub(super) fn to_shares(scores: &mut [f64]) -> f64 {
     let two = scores.len() == 1;
     let top = scores.iter().copied().fold(if two { 0.0 } else { f64::NEG_INFINITY }, f64::max);

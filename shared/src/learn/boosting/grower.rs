@@ -1,11 +1,11 @@
 //! Grows the trees of boosting from histograms.
 //!
-//! A node's histogram has, for each bin of each column, the sums of the gradients and Hessians of
-//! the bin's rows, and the number of these rows. All splits are evaluated on the histogram. Of two
-//! children, only the rows of the smaller child are summed. The larger child's histogram is the
-//! difference from the parent's histogram. Sums are integers, so both ways give the same result.
-//! Ties are broken as in [`tree`](super::super::tree): by the lowest column index, then by the
-//! lowest threshold.
+//! A node's histogram contains, for each bin of each column, the number of the node's rows in this
+//! bin and the sums of their gradients and Hessians. All splits are evaluated on the histogram. Of
+//! two children, only the smaller child's histogram is summed over rows. The larger child's
+//! histogram is the parent's histogram minus the smaller child's histogram. Sums are integers, so
+//! the subtraction is exact. Ties are broken as in [`tree`](super::super::tree): by the lowest
+//! column index, then by the lowest threshold.
 
 use super::bins::Bins;
 use super::newton::{Newton, Sums};
@@ -51,7 +51,7 @@ struct Split {
     score: f64,
     column: usize,
     last: usize,
-    /// The next non-empty bin.
+    /// The first non-empty bin after `last`.
     next: usize,
     left: Bin,
 }
@@ -63,7 +63,7 @@ pub(super) struct Grown {
     pub(super) sums: Vec<Sums>,
 }
 
-/// Buffers for growing trees, reused from one tree to the next.
+/// Buffers for growing trees, which are reused from one tree to the next.
 pub(super) struct Grower {
     limits: Limits,
     /// The rows of each node, contiguous.
@@ -102,8 +102,8 @@ struct Growing<'a> {
 }
 
 impl Growing<'_> {
-    /// Adds the node of `rows` and its subtree. Returns the index of the node. A node without a
-    /// histogram becomes a leaf.
+    /// Adds the node of `rows` and its subtree. Returns the index of the node. If there is no
+    /// histogram, the node becomes a leaf.
     fn node(
         &mut self,
         rows: &mut [u32],
@@ -138,8 +138,8 @@ impl Growing<'_> {
         place as u32
     }
 
-    /// Histograms of the two children, at least of those that may be split. The parent's histogram
-    /// is no longer needed.
+    /// Histograms of the two children, or at least of the children that may be split. Consumes the
+    /// parent's histogram.
     fn children(
         &mut self,
         left: &[u32],
@@ -166,7 +166,7 @@ impl Growing<'_> {
         if left_is_smaller { (Some(smaller), larger) } else { (larger, Some(smaller)) }
     }
 
-    /// The sums of all bins of all columns over some rows.
+    /// The sums over the given rows, for each bin of each column.
     fn histogram(&mut self, rows: &[u32]) -> Vec<Bin> {
         let mut bins = self.grower.spare.pop().unwrap_or_default();
         bins.clear();
@@ -205,7 +205,7 @@ impl Growing<'_> {
         best.filter(|best| best.score > self.newton.gain(sums))
     }
 
-    /// Moves rows that go left to the front. Returns their number.
+    /// Moves the rows that go left to the front. Returns the number of these rows.
     fn part(&self, rows: &mut [u32], split: Split) -> usize {
         let last = self.bins.range(split.column).start + split.last;
         let mut end = 0;
@@ -301,7 +301,7 @@ mod tests {
 
             let mut leaves = vec![usize::MAX; rows];
             let mut grower = Grower::new(Limits { depth, leaf });
-            // Twice, because buffers are reused.
+            // Grow twice, because buffers are reused.
             grower.grow(&cut, &newton, &mut leaves);
             let grown = grower.grow(&cut, &newton, &mut leaves);
             assert_eq!(leaves, expected_leaves);

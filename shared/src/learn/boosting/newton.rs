@@ -3,16 +3,17 @@
 /// Gradients and Hessians are rounded to multiples of this.
 const QUANTUM: f64 = 1.0 / (1u64 << 40) as f64;
 
-/// Sums of gradients and of Hessians, in quanta.
+/// A sum of gradients and a sum of Hessians, in quanta.
 pub(super) type Sums = [i64; 2];
 
-/// Rounds to a whole number of quanta. With at most 2²¹ rows and gradients from −1 to 1, sums are
-/// at most 2⁶¹, so they do not overflow.
+/// Rounds to a whole number of quanta. With at most 2²¹ rows and gradients from −1 to 1, the
+/// magnitude of a sum is at most 2⁶¹, so sums do not overflow.
 pub(super) fn in_quanta(value: f64) -> i64 {
     (value / QUANTUM).round() as i64
 }
 
-/// Second-order approximation of the deviance, for gains of splits and values of leaves.
+/// Second-order approximation of the deviance. It gives the gains of splits and the values of
+/// leaves.
 pub(super) struct Newton {
     /// Gradient and Hessian of each row's deviance with respect to the score.
     pub(super) derivatives: Vec<Sums>,

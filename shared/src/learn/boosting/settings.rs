@@ -8,15 +8,15 @@ use crate::invalid::{Invalid, positive};
 pub struct BoostingSettings {
     /// Maximum number of trees for each score.
     pub rounds: usize,
-    /// Cross-validation stops after more than this many rounds in a row without a lower log loss.
+    /// Cross-validation stops after more than this many successive rounds without a lower log loss.
     pub patience: usize,
     /// Maximum depth of the trees.
     pub depth: usize,
-    /// Learning rate: the applied share of each Newton step.
+    /// Learning rate: the fraction of each Newton step that is applied.
     pub rate: f64,
     /// Minimum number of rows in a leaf.
     pub min_leaf: usize,
-    /// λ ≥ 0 of the penalty ½ λ w² on the value w of each leaf.
+    /// λ ≥ 0 in the penalty ½ λ w² on the value w of each leaf.
     pub penalty: f64,
     /// Maximum number of bins per column.
     pub bins: usize,
@@ -43,7 +43,8 @@ impl BoostingSettings {
         Self { rounds, ..self }
     }
 
-    /// Sets [`Self::patience`], the rounds that cross-validation waits for a lower log loss.
+    /// Sets [`Self::patience`], the number of rounds that cross-validation waits for a lower log
+    /// loss.
     #[must_use]
     pub fn with_patience(self, patience: usize) -> Self {
         Self { patience, ..self }
@@ -55,7 +56,7 @@ impl BoostingSettings {
         Self { depth, ..self }
     }
 
-    /// Sets [`Self::rate`], the applied share of each Newton step.
+    /// Sets [`Self::rate`], the fraction of each Newton step that is applied.
     #[must_use]
     pub fn with_rate(self, rate: f64) -> Self {
         Self { rate, ..self }
@@ -67,7 +68,7 @@ impl BoostingSettings {
         Self { min_leaf, ..self }
     }
 
-    /// Sets [`Self::penalty`], λ of the penalty on the leaves.
+    /// Sets [`Self::penalty`], the factor λ of the penalty on leaf values.
     #[must_use]
     pub fn with_penalty(self, penalty: f64) -> Self {
         Self { penalty, ..self }
@@ -79,10 +80,10 @@ impl BoostingSettings {
         Self { bins, ..self }
     }
 
-    /// Accepts settings that are in range.
+    /// Checks that the settings are in range.
     ///
     /// # Errors
-    /// [`Invalid`] that names the setting.
+    /// [`Invalid`] with the name of the setting that is out of range.
     pub(super) fn check(&self) -> Result<(), Invalid> {
         positive("rate", self.rate)?;
         if !(self.penalty.is_finite() && self.penalty >= 0.0) {

@@ -1,21 +1,21 @@
 //! The penalised loss, its gradient and its Hessian in one pass over the rows.
 //!
-//! The unknowns are blocks of (weights …, intercept). Two classes have one block, for the score of
-//! the second class. K ≥ 3 classes have a block for the score of each class but the last, which is
-//! minus the sum of the other scores.
+//! The unknowns form blocks of (weights …, intercept). Two classes have one block, for the score of
+//! the second class. K ≥ 3 classes have K − 1 blocks, one for the score of each class except the
+//! last. The score of the last class is minus the sum of the other scores.
 //!
-//! Columns are contiguous, and every sum over rows has [`LANES`] fixed partial sums. SIMD lanes of
-//! any width therefore give bit-identical results.
+//! Each column is contiguous, and every sum over rows is accumulated in [`LANES`] partial sums. The
+//! results are therefore bit-identical for every SIMD width.
 
 use crate::learn::samples::Samples;
 use crate::math::{exp, ln};
 use crate::parallel::{Kernel, in_widest_lanes};
 use nalgebra::{DMatrix, DVector};
 
-/// Number of partial sums of a sum over rows.
+/// Number of partial sums in each sum over rows.
 const LANES: usize = 8;
 
-/// Number of rows of a chunk. The intermediate results of a chunk fit into the first-level cache.
+/// Number of rows in a chunk. The intermediate results of a chunk fit into the L1 cache.
 const CHUNK: usize = 256;
 
 /// Loss, gradient and Hessian at a point.
@@ -34,26 +34,26 @@ pub(super) struct Objective<'a> {
     blocks: usize,
     /// Number of unknowns of a block: its weights and its intercept.
     stride: usize,
-    /// Columns of [`Self::padded`] rows. The last column is all ones. Entries after the last row
+    /// The columns, each with [`Self::padded`] rows. The last column is all ones. Padding entries
     /// are zero.
     columns: Vec<f64>,
-    /// Classes × rows: 1 where the row has the class.
+    /// Classes × rows: 1 if the row has the class, otherwise 0.
     wanted: Vec<f64>,
     padded: usize,
     scratch: Scratch,
 }
 
-/// Arrays of [`CHUNK`] entries for one chunk of rows. Entries after the last row do not matter,
-/// because the columns are zero there.
+/// Arrays of [`CHUNK`] entries for one chunk of rows. Padding entries have no effect, because the
+/// columns are zero there.
 struct Scratch {
-    /// Scores: blocks × rows. With three or more classes, the scores of the last class follow.
+    /// Scores: blocks × rows. With three or more classes, the last class's scores come after them.
     scores: Vec<f64>,
     /// Probabilities: classes × rows. Used only with three or more classes.
     shares: Vec<f64>,
     /// The highest score of each row. Used only with three or more classes.
     tops: Vec<f64>,
-    /// For each row, Σ of exp(score − top), and then the inverse of this sum. With two classes,
-    /// exp(−|score|).
+    /// With three or more classes, Σ of exp(score − top) for each row, later replaced by its
+    /// inverse. With two classes, exp(−|score|).
     totals: Vec<f64>,
     /// Derivative of the loss with respect to the score of each block: blocks × rows.
     gradients: Vec<f64>,
@@ -110,7 +110,7 @@ impl<'a> Objective<'a> {
         if self.classes > 2 && a == b { 2.0 } else { 1.0 }
     }
 
-    /// The penalty's gradient: its Hessian times `theta`.
+    /// The gradient of the penalty, which is the penalty's Hessian times `theta`.
     fn penalty_gradient(&self, theta: &DVector<f64>) -> DVector<f64> {
         DVector::from_fn(self.unknowns(), |i, _| {
             let (a, j) = (i / self.stride, i % self.stride);
@@ -121,7 +121,7 @@ impl<'a> Objective<'a> {
         })
     }
 
-    /// Adds `factor` times the penalty's Hessian.
+    /// Adds `factor` times the penalty's Hessian to `hessian`.
     fn add_penalty(&self, hessian: &mut DMatrix<f64>, factor: f64) {
         for a in 0..self.blocks {
             for b in 0..self.blocks {
@@ -133,8 +133,8 @@ impl<'a> Objective<'a> {
         }
     }
 
-    /// Extrapolates from the minimum `theta` to the minimum for C times `ratio`, by one Newton step
-    /// with the Hessian near `theta`. It needs no pass over the rows.
+    /// Extrapolates from the minimum `theta` to the minimum for C times `ratio`. This is one Newton
+    /// step with the Hessian at `point`, which is close to `theta`. It needs no pass over the rows.
     pub(super) fn carried_over(
         &self,
         theta: &DVector<f64>,
@@ -167,7 +167,7 @@ impl<'a> Objective<'a> {
     }
 }
 
-/// Sums over rows, without C and penalty.
+/// Sums over rows, without the factor C and without the penalty.
 #[derive(Debug, PartialEq)]
 struct Sums {
     loss: f64,
@@ -223,8 +223,8 @@ impl Kernel for Pass<'_, '_> {
                         for ((w, x), c) in weighted.iter_mut().zip(column(j)).zip(hessians) {
                             *w = x * c;
                         }
-                        // Column j of block b, and the rows of block a. Blocks on the diagonal are
-                        // symmetric, so only their lower triangle is computed.
+                        // The output is column j of block b, in the rows of block a. Diagonal
+                        // blocks are symmetric, so only their lower triangle is computed.
                         let first = if a == b { j } else { 0 };
                         let at = (b * stride + j) * unknowns + a * stride;
                         let out = &mut self.sums.hessian[at + first..at + stride];
@@ -237,7 +237,8 @@ impl Kernel for Pass<'_, '_> {
 }
 
 impl Scratch {
-    /// The loss of some rows of two classes, given their scores. Fills in gradients and Hessians.
+    /// Returns the loss of some rows of two classes, given their scores. Also computes gradients
+    /// and Hessians.
     #[inline(always)]
     fn of_two(&mut self, labels: &[usize], wanted: &[f64]) -> f64 {
         let rows = wanted.len();
@@ -332,7 +333,8 @@ impl Scratch {
     }
 }
 
-/// A sum of terms and of logarithms. One logarithm of a product is cheaper than one per factor.
+/// A sum of terms and logarithms. Factors are multiplied first, because one logarithm of their
+/// product is cheaper than one logarithm per factor.
 struct Loss {
     sum: f64,
     product: f64,
@@ -360,7 +362,7 @@ impl Loss {
     }
 }
 
-/// Adds Σ over rows of `weights` · column(i) to each `out[i]`.
+/// Adds the inner product of `weights` and column(i) over the rows to each `out[i]`.
 #[inline(always)]
 fn dots<'a>(weights: &[f64], column: &impl Fn(usize) -> &'a [f64], out: &mut [f64]) {
     let weights = weights.as_chunks::<LANES>().0;
@@ -404,7 +406,7 @@ mod tests {
     use super::*;
     use crate::math::SeededRng;
 
-    /// Σ −log P(label) and the penalty, by their definitions.
+    /// The penalised loss, computed directly from its definition.
     fn plain_loss(samples: &Samples<'_>, theta: &DVector<f64>, c: f64) -> f64 {
         let stride = samples.width() + 1;
         let blocks: Vec<&[f64]> = theta.as_slice().chunks_exact(stride).collect();
@@ -432,7 +434,7 @@ mod tests {
     #[test]
     fn derivatives_agree_with_differences() {
         let mut rng = SeededRng::new(2);
-        // Fewer rows than lanes, and more rows than a chunk.
+        // The cases include fewer rows than lanes, and more rows than a chunk.
         for (n, classes) in [(5, 2), (5, 3), (300, 2), (300, 3), (300, 5)] {
             let width = 4;
             let values: Vec<f64> = (0..n * width).map(|_| rng.uniform(-1.5, 1.5)).collect();

@@ -1,5 +1,5 @@
 //! The small dense problem for pairwise and Newton steps: its variables, its submatrix of the
-//! kernel, and its gradient.
+//! kernel matrix, and its gradient.
 
 use super::gram::{Block, Entry, LANES, entry, entry_mut};
 
@@ -12,7 +12,7 @@ pub(super) struct Variable {
 }
 
 impl Variable {
-    /// Whether the variable is free, so that it can both rise and fall.
+    /// Whether the variable is strictly between its bounds, so that it can rise and fall.
     pub(super) fn is_free(self) -> bool {
         self.lower < self.beta && self.beta < self.upper
     }
@@ -22,14 +22,14 @@ impl Variable {
 #[derive(Clone, Debug)]
 pub(super) struct Dense<T> {
     pub(super) variables: Vec<Variable>,
-    /// Number of blocks from one row of `matrix` to the next: one more than the capacity, so that a
-    /// column's entries do not all map to the same few cache sets.
+    /// Number of blocks from one row of `matrix` to the next. It is one more than the capacity in
+    /// blocks, because otherwise a column's entries would all map to the same few cache sets.
     pub(super) stride: usize,
     /// The kernel matrix K of the variables.
     pub(super) matrix: Vec<Block<T>>,
-    /// The inverse of the curvature K_ii + K_jj − 2 K_ij of an exchange, laid out like `matrix`. It
-    /// is valid only in rows that are `ready`. It is cached because many steps raise the same few
-    /// variables and division is the slowest operation.
+    /// The inverse of the curvature K_ii + K_jj − 2 K_ij of an exchange, in the layout of `matrix`.
+    /// Only rows that are `ready` are valid. It is cached because many steps raise the same few
+    /// variables, and division is the slowest operation.
     pub(super) inverse: Vec<Block<T>>,
     pub(super) ready: Vec<bool>,
     /// Buffer for a row of `matrix`.
@@ -69,7 +69,8 @@ impl<T: Entry> Dense<T> {
         self.fall.fill(Block::all(never));
     }
 
-    /// Allocates memory for `count` variables, one more than before; the caller sets the new one.
+    /// Extends the problem to `count` variables, one more than before. The caller sets the new
+    /// variable.
     pub(super) fn widen(&mut self, count: usize) {
         let none = Variable { beta: 0.0, lower: 0.0, upper: 0.0 };
         self.variables.resize(count, none);
@@ -93,8 +94,8 @@ impl<T: Entry> Dense<T> {
         }
     }
 
-    /// Copies the kernel between variable `slot` and all `members` from `row`, the variable's row
-    /// of the full matrix.
+    /// Copies the kernel values between variable `slot` and all `members`. `row` is the variable's
+    /// row of the full kernel matrix.
     pub(super) fn fill(&mut self, slot: usize, members: &[usize], row: &[Block<T>]) {
         self.ready.fill(false);
         self.gathered.clear();

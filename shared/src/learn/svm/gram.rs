@@ -1,4 +1,4 @@
-//! Kernel matrices in SIMD lanes. Each row is computed on first use.
+//! Kernel matrices for SIMD code. Each row is computed on first use.
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -6,7 +6,7 @@ use crate::parallel::{Kernel, in_widest_lanes};
 use crate::predict::svm::exponential::{exp32, exp64};
 use crate::real::Real;
 
-/// Number of entries of a block. Work is done in blocks, for any lane width of the processor.
+/// Number of entries in a block. All work is done in whole blocks, for every SIMD width.
 pub(super) const LANES: usize = 16;
 
 /// A block of a row, aligned to a cache line.
@@ -57,10 +57,11 @@ impl Entry for f64 {
     }
 }
 
-/// Rows of a matrix, each computed on first use; many are never used.
+/// Rows of a matrix. Each row is computed on first use, and many rows are never used.
 #[derive(Clone, Debug)]
 struct Lazy<T> {
-    /// The position of each row in `data`, counted in rows; [`NOWHERE`] before the row is computed.
+    /// The position of each row in `data`, counted in rows. It is [`NOWHERE`] until the row is
+    /// computed.
     place: Vec<u32>,
     data: Vec<Block<T>>,
 }
@@ -72,7 +73,8 @@ impl<T: Entry> Lazy<T> {
         Self { place: Vec::new(), data: Vec::new() }
     }
 
-    /// Drops all rows. Reserves address space for all `rows`; only used rows consume memory.
+    /// Removes all rows. Reserves address space for all `rows` rows, but only rows in use consume
+    /// memory.
     fn reset(&mut self, rows: usize, blocks: usize) {
         self.place.clear();
         self.place.resize(rows, NOWHERE);
@@ -98,8 +100,9 @@ impl<T: Entry> Lazy<T> {
     }
 }
 
-/// The kernel exp(−γ · squared distance) between all data rows and the first `columns` data rows
-/// (the training rows; the others are held out). Rows of the kernel are computed on first use.
+/// The kernel exp(−γ · squared distance) between all data rows and the training rows. The training
+/// rows are the first `columns` data rows; the other data rows are held out. Each row of the kernel
+/// is computed on first use.
 #[derive(Clone, Debug)]
 pub(super) struct Gram<T> {
     width: usize,
@@ -109,7 +112,7 @@ pub(super) struct Gram<T> {
     data: Vec<f64>,
     /// The first `columns` rows in blocks, feature by feature within each block.
     by_block: Vec<Block<T>>,
-    /// Squared distances, which are cached if several γ are used in succession.
+    /// Squared distances. They are cached only if several γ are used on the same data.
     squares: Option<Lazy<T>>,
     kernel: Lazy<T>,
 }
@@ -128,8 +131,8 @@ impl<T: Entry> Gram<T> {
         }
     }
 
-    /// Sets the data: rows `data` (row-major, `width` columns), the first `columns` of which are
-    /// for training. The caller must then call [`Self::set_gamma`].
+    /// Sets the data rows (row-major, `width` columns). The first `columns` rows are for training.
+    /// The caller must then call [`Self::set_gamma`].
     pub(super) fn set_data(&mut self, width: usize, data: &[f64], columns: usize) {
         (self.width, self.columns) = (width, columns);
         self.data.clear();
@@ -148,13 +151,13 @@ impl<T: Entry> Gram<T> {
         self.kernel.reset(rows, blocks);
     }
 
-    /// Changes γ.
+    /// Sets γ and drops all computed rows of the kernel.
     pub(super) fn set_gamma(&mut self, gamma: f64) {
         self.gamma = T::from_f64(gamma);
         self.kernel.reset(self.data.len() / self.width, self.blocks());
     }
 
-    /// Number of training rows, which are the columns.
+    /// Number of training rows, which is the number of columns.
     pub(super) fn columns(&self) -> usize {
         self.columns
     }
@@ -174,20 +177,20 @@ impl<T: Entry> Gram<T> {
         }
     }
 
-    /// Row `i`, which must already be computed. Padding entries are undefined.
+    /// Row `i`, which must already be computed. Its padding entries have no meaning.
     #[inline(always)]
     pub(super) fn row(&self, i: usize) -> &[Block<T>] {
         self.kernel.row(i, self.blocks())
     }
 
-    /// Computes row `i` into `out` and caches only its squared distances.
+    /// Computes row `i` into `out` without caching it. Only its squared distances may be cached.
     pub(super) fn row_into(&mut self, i: usize, out: &mut [Block<T>]) {
         let Self { width, gamma, data, by_block, squares, .. } = self;
         let row = &data[i * *width..(i + 1) * *width];
         in_widest_lanes(Fresh { gamma: *gamma, i, row, by_block, squares, out });
     }
 
-    /// Like [`Self::row_into`], with the lane width of the build.
+    /// Like [`Self::row_into`], but with the SIMD width of the build target.
     #[cfg(test)]
     pub(super) fn row_into_plainly(&mut self, i: usize, out: &mut [Block<T>]) {
         let Self { width, gamma, data, by_block, squares, .. } = self;
@@ -195,7 +198,7 @@ impl<T: Entry> Gram<T> {
         Fresh { gamma: *gamma, i, row, by_block, squares, out }.run();
     }
 
-    /// A matrix of all inner products of the rows instead of a kernel.
+    /// A matrix of the inner products of all rows, in place of the kernel.
     #[cfg(test)]
     pub(super) fn of_products(width: usize, data: &[f64]) -> Self {
         let mut gram = Self::empty(false);
@@ -212,7 +215,7 @@ impl<T: Entry> Gram<T> {
     }
 }
 
-/// Computes row `i` of the kernel from the squared distances, which are computed first if missing.
+/// Computes row `i` of the kernel from the squared distances. Missing distances are computed first.
 struct Fresh<'a, T> {
     gamma: T,
     i: usize,
@@ -265,8 +268,8 @@ fn distances<T: Entry>(row: &[f64], by_block: &[Block<T>], out: &mut [Block<T>])
     }
 }
 
-/// Adds multiples of kernel rows to `sums`, on the blocks from `first` on. `rows` has the index and
-/// the factor of each row.
+/// Adds multiples of kernel rows to `sums`, starting at block `first`. `rows` contains the index
+/// and the factor of each kernel row.
 pub(super) struct Combine<'a, T> {
     pub(super) gram: &'a Gram<T>,
     pub(super) rows: &'a [(usize, f64)],
@@ -303,13 +306,13 @@ impl<T: Entry> Kernel for Combine<'_, T> {
     }
 }
 
-/// Number of adjacent blocks whose coefficients are stored or omitted together.
+/// Number of adjacent blocks of coefficients that are stored or omitted together.
 const GROUP: usize = 4;
-/// Number of rows that are multiplied together, so that each coefficient is read once for all of
-/// them.
+/// Number of rows that are multiplied at once, so that each coefficient is read only once for all
+/// of these rows.
 pub(super) const TOGETHER: usize = 4;
 
-/// Coefficients without the groups of blocks that are all zero.
+/// Coefficients, without the groups of blocks that contain only zeros.
 #[derive(Clone, Debug)]
 pub(super) struct Sparse {
     groups: Vec<(usize, [Block<f64>; GROUP])>,
@@ -326,7 +329,7 @@ impl Sparse {
     }
 }
 
-/// Inner products of rows with coefficients.
+/// Computes inner products of rows and coefficients.
 pub(super) struct Products<'a, T> {
     /// Number of blocks in a row.
     pub(super) blocks: usize,

@@ -1,7 +1,7 @@
 //! Cross-validation of many settings at once.
 //!
-//! All γ share the distances of a fold. All C, pairs of classes, targets and held-out rows share a
-//! kernel matrix. Each C starts from the solution for the previous C.
+//! Within a fold, all γ share the squared distances. All C, pairs of classes, targets and held-out
+//! rows share the kernel matrix of a γ. Each fit starts from the solution for the previous C.
 
 use super::dense::Dense;
 use super::gram::{Block, Gram, Products, Sparse, TOGETHER};
@@ -25,12 +25,13 @@ pub enum Kernels {
 /// The settings to try: each C with each kernel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
-    /// Linear, or the values of γ.
+    /// The kernels to try.
     pub kernels: Kernels,
     /// The values of C, preferably ascending, because each fit starts from the solution for the
     /// previous C.
     pub c: Vec<f64>,
-    /// A fit ends when the optimality conditions hold to this (radial basis functions only).
+    /// A fit ends when the optimality conditions hold to this tolerance (radial basis functions
+    /// only).
     pub tolerance: f64,
     /// Maximum number of pairwise steps of a fit (radial basis functions only).
     pub max_steps: usize,
@@ -38,7 +39,7 @@ pub struct Grid {
 
 impl Grid {
     /// A grid with C = 0.01, 0.1, 1 and 10 for linear SVMs, and C = 0.1, 1, 10 and 100 for radial
-    /// basis functions. The tolerance is libsvm's, 10⁻³.
+    /// basis functions. The tolerance is 10⁻³, as in libsvm.
     #[must_use]
     pub fn new(kernels: Kernels) -> Self {
         let c = match kernels {
@@ -65,19 +66,20 @@ impl Grid {
     }
 }
 
-/// The result of one setting on held-out rows.
+/// The results of one setting on the held-out rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GridCell {
     /// The kernel.
     pub kernel: Kernel,
     /// C.
     pub c: f64,
-    /// For each fold, in ascending order of its number, the share of held-out rows whose label is
-    /// predicted correctly (by votes).
+    /// The share of held-out rows whose label is predicted correctly (by votes). There is one entry
+    /// per fold, in ascending order of fold numbers.
     pub accuracy: Vec<f64>,
-    /// Decision values of each row from the SVMs that were trained without its fold (rows × pairs,
-    /// row-major). If a class of the pair does not occur in the training rows, the value is 1 or −1
-    /// for the other class, or 0 if neither class occurs.
+    /// Decision values of each row (rows × pairs, row-major), from the SVMs that were trained
+    /// without the row's fold. If the training rows contain only one class of the pair, the value
+    /// is 1 for the pair's first class or −1 for its second class. If they contain neither class,
+    /// the value is 0.
     pub decisions: Vec<f64>,
 }
 
@@ -89,8 +91,8 @@ impl GridCell {
     }
 }
 
-/// The cell with the highest mean accuracy; on a tie, the first cell. Means that differ only by
-/// rounding are a tie. (A difference of one row is far larger.)
+/// The cell with the highest mean accuracy. On a tie, the first cell. Means that differ only by
+/// rounding errors are a tie. (A difference of one row would be far larger.)
 #[must_use]
 pub fn best(cells: &[GridCell]) -> Option<&GridCell> {
     let better =
@@ -100,13 +102,13 @@ pub fn best(cells: &[GridCell]) -> Option<&GridCell> {
 
 /// Tries all settings on all targets. Returns each target's cells, ordered by C, then by γ.
 ///
-/// `rows` are raw features (row-major, `width` columns). They are standardised by the training rows
-/// of each fold. `folds` contains the fold number of each row. Memory use is at most two f32
-/// matrices of all rows × training rows.
+/// `rows` are raw features (row-major, `width` columns). For each fold, they are standardised with
+/// the mean and the standard deviation of the training rows. `folds` contains the fold number of
+/// each row. Memory use is at most two f32 matrices of all rows × training rows.
 ///
 /// # Errors
-/// [`Invalid`] if lengths do not match, a number is not finite, a setting is not > 0, there are
-/// fewer than two folds, or a fit does not converge.
+/// [`Invalid`] if lengths do not match, a number is not finite, a setting is not positive, there
+/// are fewer than two folds, or a fit does not converge.
 pub fn cross_validate(
     width: usize,
     rows: &[f64],
@@ -154,7 +156,7 @@ pub fn cross_validate(
             }
             Kernels::Rbf(gammas) => {
                 gram.set_data(width, &data, trained.len());
-                // For each target and pair, the previous kernel's solution for the first C.
+                // For each target and pair, the solution for the previous γ and the first C.
                 let mut starts: Vec<Vec<Start>> =
                     targets.iter().map(|target| vec![None; pair_count(target.classes)]).collect();
                 for (k, &gamma) in gammas.iter().enumerate() {
@@ -193,8 +195,8 @@ pub fn cross_validate(
     Ok(cells)
 }
 
-/// Trains linear SVMs for a cell's C. Fills in the decisions of the held-out rows, which follow the
-/// training rows in `data`.
+/// Trains a linear SVM with the cell's C for each pair. Fills in the decisions of the held-out
+/// rows, which come after the training rows in `data`.
 fn planes(
     width: usize,
     data: &[f64],
@@ -220,7 +222,7 @@ fn planes(
     Ok(())
 }
 
-/// The constant decision value if the two sides do not both occur.
+/// The constant decision value if one of the two sides, or both, do not occur.
 fn constant(sides: &[i8]) -> Option<f64> {
     match (sides.contains(&1), sides.contains(&-1)) {
         (true, true) => None,
@@ -228,7 +230,7 @@ fn constant(sides: &[i8]) -> Option<f64> {
     }
 }
 
-/// A starting point from the solution of a similar problem.
+/// A starting point: the solution of a similar problem.
 type Start = Option<Vec<Block<f64>>>;
 
 /// The problem of one target.
@@ -238,12 +240,12 @@ struct Radial<'a> {
     grid: &'a Grid,
 }
 
-/// A solution, or the constant decision value if the two sides do not both occur.
+/// A solution, or the constant decision value if not both sides occur.
 type Trained = Result<DualSolution, f64>;
 
 impl Radial<'_> {
-    /// Trains for each pair and C, and passes each solution to the callback, with the indices of
-    /// the pair and of C.
+    /// Trains an SVM for each pair and C. Calls `trained` with the index of the pair, the index of
+    /// C and the solution.
     fn solve(
         &self,
         gram: &mut Gram<f32>,
@@ -271,14 +273,14 @@ impl Radial<'_> {
     }
 }
 
-/// Target, pair and cell of a solution.
+/// The target, the pair and the cell that a solution belongs to.
 struct Place {
     target: usize,
     pair: usize,
     cell: usize,
 }
 
-/// The SVMs of all targets on one kernel matrix.
+/// The SVMs of all targets that share one kernel matrix.
 #[derive(Default)]
 struct TrainedSvms {
     places: Vec<Place>,
@@ -297,7 +299,7 @@ impl TrainedSvms {
         self.intercepts.push(intercept);
     }
 
-    /// Fills in the decisions of the held-out rows, which follow the training rows in `gram`.
+    /// Fills in the decisions of the held-out rows, which come after the training rows in `gram`.
     fn decide(
         &self,
         gram: &mut Gram<f32>,

@@ -1,18 +1,19 @@
 //! Linear SVMs: an interior-point method on the dual, for many rows with few features.
 //!
 //! With g_i = y_i (w·x_i + b), the optimality conditions are w = Σ α_i y_i x_i, Σ α_i y_i = 0,
-//! g_i − 1 = z_i − u_i, α_i z_i = 0 and (C − α_i) u_i = 0, with all of α, C − α, z and u ≥ 0.
-//! Newton steps aim at a value μ of the products α_i z_i and (C − α_i) u_i instead of 0. After
-//! elimination of α, z and u, only a linear system for (w, b) remains (Ferris and Munson 2002,
-//! "Interior-point methods for massive support vector machines").
+//! g_i − 1 = z_i − u_i, α_i z_i = 0 and (C − α_i) u_i = 0, where α, C − α, z and u are all ≥ 0.
+//! Newton steps aim at products α_i z_i and (C − α_i) u_i that are equal to some μ instead of 0.
+//! After elimination of α, z and u, only a linear system for (w, b) remains (Ferris and Munson
+//! 2002, "Interior-point methods for massive support vector machines").
 //!
-//! A predictor and a corrector choose μ (Mehrotra 1992). The corrector assumes that the full step
-//! is feasible. If only a small part of the step is feasible, the iteration may cycle (Cartis 2009,
-//! "Some disadvantages of a Mehrotra-type primal-dual corrector interior point algorithm for linear
-//! programming"). Therefore, once a step has not reduced the sum of the products, all later steps
-//! are *plain*: they have no corrector, and they are short enough to stay in a neighbourhood of the
-//! central path that contains the current point. In this neighbourhood, such steps always reduce
-//! the sum (Wright 1997, "Primal-dual interior-point methods", chapter 5).
+//! A predictor step and a corrector step choose μ (Mehrotra 1992). The corrector assumes that the
+//! full step is feasible. If only a small fraction of the step is feasible, the iteration may cycle
+//! (Cartis 2009, "Some disadvantages of a Mehrotra-type primal-dual corrector interior point
+//! algorithm for linear programming"). Therefore, once a step has not reduced the sum of the
+//! products, all later steps are *plain*. A plain step has no corrector. It is short enough to stay
+//! in a neighbourhood of the central path, which is chosen to contain the current point. In this
+//! neighbourhood, plain steps always reduce the sum (Wright 1997, "Primal-dual interior-point
+//! methods", chapter 5).
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -21,27 +22,28 @@ use crate::invalid::Invalid;
 use crate::parallel::{Kernel, in_widest_lanes};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// A step goes at most this share of the way to the nearest bound.
+/// A step covers at most this fraction of the distance to the nearest bound.
 const SHARE: f64 = 0.995;
-/// Plain steps aim at a mean product in this range, as a share of the current mean product.
+/// Plain steps aim at a mean product in this range, as a fraction of the current mean product.
 const PLAIN_CENTRE: (f64, f64) = (0.1, 0.8);
-/// In plain steps, no product falls below this share of the mean product. If a product is already
-/// lower when plain steps begin, the limit is slightly below its share, because otherwise there
-/// might be no plain step.
+/// Plain steps keep every product at or above this fraction of the mean product. If a product is
+/// already lower when plain steps begin, the limit is set slightly below the fraction of this
+/// product. Otherwise, there might be no plain step.
 const NEIGHBOURHOOD: f64 = 1e-4;
-/// Plain steps reduce the sum of products by at least this share, times the step length.
+/// Plain steps reduce the sum of products by at least this fraction, times the step length.
 const DECREASE: f64 = 0.01;
 /// The iteration ends when the mean product is at most this times 1 + C.
 const MEAN_PRODUCT: f64 = 1e-12;
 /// Maximum number of steps. About fifteen are needed.
 const MAX_STEPS: usize = 200;
 
-/// Number of rows in a block. Sums over several rows stay in registers before they are stored.
+/// Number of rows in a block. Sums over several rows are formed in registers before they are
+/// stored.
 const ROWS: usize = 4 * LANES;
 
 type Block = [f64; ROWS];
 
-/// w and b of a pair's SVM.
+/// The weights w and the intercept b of a pair's SVM.
 #[derive(Clone, Debug)]
 pub(super) struct Plane {
     pub(super) weights: Vec<f64>,
@@ -59,7 +61,7 @@ impl Plane {
 }
 
 /// Trains the SVM on the rows `data` (row-major, `width` columns, standardised). `sides` is 1 or −1
-/// for the two classes, both of which must occur, or 0 for rows that are ignored.
+/// for rows of the two classes, both of which must occur, and 0 for ignored rows.
 ///
 /// # Errors
 /// [`Invalid`] if the iteration does not converge.
@@ -80,7 +82,8 @@ pub(super) fn fit(width: usize, data: &[f64], sides: &[i8], c: f64) -> Result<Pl
     })
 }
 
-/// Arrays by row, in blocks. Padding rows, which fill the last block, have y = 0 and no effect.
+/// The current iterate. Rows are in blocks. Padding rows fill the last block; they have y = 0 and
+/// no effect.
 struct State {
     count: usize,
     c: f64,
@@ -90,13 +93,13 @@ struct State {
     columns: Vec<Block>,
     rows: Vec<Row>,
     alpha: Vec<Block>,
-    /// C − α. It is stored separately, because the subtraction would cause cancellation.
+    /// C − α. It is stored, because computing the difference would lose digits by cancellation.
     room: Vec<Block>,
     z: Vec<Block>,
     u: Vec<Block>,
 }
 
-/// Intermediate results of one pass for a block of rows, used by the next pass.
+/// Intermediate results of one pass over a block of rows, for use in the next pass.
 #[derive(Clone, Copy)]
 struct Row {
     /// 1/α and 1/(C − α).
@@ -106,7 +109,7 @@ struct Row {
     weight: Block,
     /// 1 − g.
     lack: Block,
-    /// Right-hand sides for the two products.
+    /// Right-hand sides for the products α z and (C − α) u.
     p: Block,
     q: Block,
     /// Changes of α, z and u.
@@ -130,7 +133,7 @@ impl State {
             }
             columns[width][k % ROWS] = y;
         }
-        // Start inside the box, on the plane Σ α y = 0.
+        // Start inside the box 0 < α < C, on the plane Σ α y = 0.
         let first = mine.iter().filter(|&&i| sides[i] > 0).count() as f64 / count as f64;
         let mut alpha = vec![[0.5 * c; ROWS]; blocks];
         let mut theta = DVector::zeros(width + 1);
@@ -176,7 +179,7 @@ impl Kernel for Fit<'_> {
     fn run(self) {
         let state = self.state;
         let products = 2.0 * state.count as f64;
-        // The limit of the neighbourhood, once plain steps have begun.
+        // The limit of the neighbourhood; `None` until plain steps begin.
         let (mut last, mut neighbourhood) = (f64::INFINITY, None);
         for _ in 0..MAX_STEPS {
             let (gap, system) = state.linearise();
@@ -193,13 +196,13 @@ impl Kernel for Fit<'_> {
             }
             last = gap;
             let Some(system) = system.cholesky() else { return };
-            // Predictor: aims at products of 0.
+            // The predictor step aims at products of 0.
             let step = state.solve(&system);
             let (longest, curvature) = state.turn(&step);
             let share = longest.min(1.0);
             let reached = ((1.0 - share) * gap + share * share * curvature).max(0.0) / gap;
-            // Corrector, with second-order terms: the shorter the predictor's step, the more it
-            // centres.
+            // The corrector step has second-order terms. It centres more if the predictor step was
+            // shorter.
             let centre = reached * reached * reached;
             if neighbourhood.is_some() {
                 let (least, most) = PLAIN_CENTRE;
@@ -211,7 +214,7 @@ impl Kernel for Fit<'_> {
             let (longest, _) = state.turn(&step);
             let mut share = (SHARE * longest).min(1.0);
             if let Some(neighbourhood) = neighbourhood {
-                // Steps shorter than this differ only by rounding.
+                // Steps shorter than this differ only by rounding errors.
                 while share > f64::EPSILON && !state.stays_in(neighbourhood, share, gap) {
                     share *= 0.8;
                 }
@@ -222,7 +225,8 @@ impl Kernel for Fit<'_> {
 }
 
 impl State {
-    /// The sum of products, and the matrix of the linear system. Sets the right-hand sides to 0.
+    /// Returns the sum of products, and the matrix of the linear system. Sets the right-hand sides
+    /// to 0.
     #[inline(always)]
     fn linearise(&mut self) -> (f64, DMatrix<f64>) {
         let Self { theta, columns, rows, alpha, room, z, u, count, .. } = self;
@@ -278,7 +282,7 @@ impl State {
         (total(&gap), matrix)
     }
 
-    /// The step of (w, b) for the current p and q.
+    /// Solves for the step of (w, b), given the current p and q.
     #[inline(always)]
     fn solve(&self, system: &Cholesky<f64, Dyn>) -> DVector<f64> {
         let mut sums = vec![[0.0; LANES]; self.theta.len()];
@@ -300,8 +304,8 @@ impl State {
         system.solve(&right)
     }
 
-    /// Computes the changes of α, z and u for a step of (w, b). Returns the largest feasible share
-    /// of these changes, and Σ Δα (Δz − Δu).
+    /// Computes the changes of α, z and u for a step of (w, b). Returns the largest feasible step
+    /// length, as a fraction of these changes, and Σ Δα (Δz − Δu).
     #[inline(always)]
     fn turn(&mut self, step: &DVector<f64>) -> (f64, f64) {
         let Self { columns, rows, z, u, .. } = self;
@@ -321,7 +325,7 @@ impl State {
                 let pull = row.p[l] * over_alpha - row.q[l] * over_room;
                 let alpha = row.weight[l] * (row.lack[l] + pull - turn[l]);
                 row.alpha[l] = alpha;
-                // Padding rows have zero weight, and do not change.
+                // Padding rows have zero weight and do not change.
                 let part = if row.weight[l] > 0.0 { 1.0 } else { 0.0 };
                 row.z[l] = part * (row.p[l] * over_alpha - z[l] - z[l] * over_alpha * alpha);
                 row.u[l] = part * (row.q[l] * over_room - u[l] + u[l] * over_room * alpha);
@@ -336,8 +340,8 @@ impl State {
         (1.0 / fastest.into_iter().fold(0.0, f64::max), total(&curvature))
     }
 
-    /// Sets the right-hand sides for products μ, minus a share of the second-order terms of the
-    /// current changes.
+    /// Sets the right-hand sides for products of μ. Subtracts `second_order` times the second-order
+    /// terms of the current changes.
     #[inline(always)]
     fn aim(&mut self, mu: f64, second_order: f64) {
         for row in &mut self.rows {
@@ -356,8 +360,9 @@ impl State {
         places.map(product).fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether a share of the changes keeps every product at least `neighbourhood` times the mean
-    /// product, and sufficiently reduces their sum, which is now `gap`.
+    /// Whether a step with this share of the changes keeps every product at or above
+    /// `neighbourhood` times the mean product. The step must also sufficiently reduce the sum of
+    /// products, now `gap`.
     fn stays_in(&self, neighbourhood: f64, share: f64, gap: f64) -> bool {
         let (mut least, mut sum) = (f64::INFINITY, 0.0);
         for (b, row) in self.rows.iter().enumerate() {
@@ -373,7 +378,7 @@ impl State {
         least >= neighbourhood * mean && sum <= (1.0 - DECREASE * share) * gap
     }
 
-    /// Applies a share of the changes.
+    /// Takes a step with this share of the changes.
     #[inline(always)]
     fn advance(&mut self, share: f64, step: &DVector<f64>) {
         for (b, row) in self.rows.iter().enumerate() {
@@ -390,7 +395,7 @@ impl State {
     }
 }
 
-/// Adds the products of two blocks of rows to their sums.
+/// Adds the products of corresponding rows of two blocks to `sums`.
 #[inline(always)]
 fn add_product(sums: &mut [f64; LANES], first: &Block, second: &Block) {
     for l in 0..LANES {

@@ -1,27 +1,27 @@
 //! Newton steps on the free variables of a small problem.
 //!
-//! If the variables at a bound are known, the optimum of the free variables is the solution of a
-//! linear system: K Δ + λ 1 = v and Σ Δ = 0. Pairwise steps converge slowly if K is nearly singular
-//! (large C, small γ), but then few variables are free and the system is small. A share ≤ 1 of Δ
-//! never worsens the objective.
+//! If the variables at a bound are known, the optimum of the free variables solves a linear system:
+//! K Δ + λ 1 = v and Σ Δ = 0. Pairwise steps converge slowly if K is nearly singular (large C,
+//! small γ). But then few variables are free, so the system is small. Moving by any fraction of Δ
+//! from 0 to 1 never worsens the objective.
 
 use super::dense::Dense;
 use super::gram::{Entry, LANES, entry};
 
-/// A variable whose pivot is at most this times K_ii does not move, because to single precision it
-/// is a linear combination of other variables.
+/// A variable whose pivot is at most this times K_ii does not move, because in single precision it
+/// depends linearly on other variables.
 const LEAST_PIVOT: f64 = 1e-7;
 /// Rows are padded to a multiple of this.
 const WIDTH: usize = 8;
-/// Maximum number of bounds reached in succession before pairwise steps continue.
+/// Maximum number of successive Newton steps that end at a bound. Then pairwise steps continue.
 const BOUNDS: usize = 4;
 
 /// A Cholesky factor and vectors, with reusable memory.
 #[derive(Debug, Default)]
 pub(super) struct Newton {
-    /// The free variables, which are to be moved.
+    /// The free variables, which a step moves.
     free: Vec<usize>,
-    /// Rows of the upper triangle, `stride` apart.
+    /// The upper triangle, row by row, with `stride` entries per row.
     factor: Vec<f64>,
     stride: usize,
     /// The inverse of the factor's diagonal; 0 for a variable that does not move.
@@ -31,7 +31,7 @@ pub(super) struct Newton {
 }
 
 impl Newton {
-    /// Moves the free variables to their optimum, or only to the first bounds on the way.
+    /// Moves the free variables to their optimum. Gives up after [`BOUNDS`] bounds on the way.
     #[inline(always)]
     pub(super) fn step<T: Entry>(&mut self, dense: &mut Dense<T>) {
         for _ in 0..BOUNDS {
@@ -47,7 +47,7 @@ impl Newton {
     }
 
     /// Computes the Cholesky factor of K for the free variables. All operations go row by row, so
-    /// that lanes compute the same result as scalar code.
+    /// SIMD code and scalar code give the same result.
     #[inline(always)]
     fn factorise<T: Entry>(&mut self, dense: &Dense<T>) {
         let Self { free, factor, stride, inverse, .. } = self;
@@ -84,7 +84,8 @@ impl Newton {
         }
     }
 
-    /// Replaces `out` by the solution of K x = `out`, with zeros for variables that do not move.
+    /// Replaces `out` by the solution x of K x = `out`. Entries of variables that do not move
+    /// become 0.
     #[inline(always)]
     fn solve(factor: &[f64], stride: usize, inverse: &[f64], out: &mut [f64]) {
         for (k, &inverse) in inverse.iter().enumerate() {
@@ -116,7 +117,7 @@ impl Newton {
         }
     }
 
-    /// Takes the step as far as bounds allow. Returns whether a bound was reached.
+    /// Moves along the step to its end or to the first bound. Returns whether a bound was reached.
     #[inline(always)]
     fn advance<T: Entry>(&mut self, dense: &mut Dense<T>) -> bool {
         let mut share = 1.0;

@@ -1,12 +1,14 @@
-//! Sequential minimal optimisation on a small dense problem. Most of the time is spent here.
+//! Sequential minimal optimisation (SMO) on a small dense problem. Training spends most of its time
+//! here.
 //!
-//! The dual problem in β_i = y_i α_i is to maximise Σ y_i β_i − ½ βᵀKβ subject to Σ β_i = 0, with
-//! β_i between 0 and y_i C. Its gradient is v_i = y_i − Σ_j K_ij β_j. A step raises one β_i and
-//! lowers one β_j by the same amount. Variable i has the greatest gradient among the variables that
-//! can rise. Variable j has the greatest gain among the variables that can fall and have a lower
-//! gradient (Fan, Chen, Lin 2005, "Working set selection using second order information"). As in
-//! libsvm, the iteration ends when the greatest gradient among variables that can rise, minus the
-//! least gradient among variables that can fall, is at most the tolerance.
+//! In terms of β_i = y_i α_i, the dual problem is to maximise Σ y_i β_i − ½ βᵀKβ subject to
+//! Σ β_i = 0, with β_i between 0 and y_i C. Its gradient is v_i = y_i − Σ_j K_ij β_j. A step raises
+//! one β_i and lowers another β_j by the same amount. Variable i has the greatest gradient among
+//! the variables that can rise. Candidates for j are the variables that can fall and have a lower
+//! gradient than i. Among them, j is the variable whose exchange with i gains most (Fan, Chen, Lin
+//! 2005, "Working set selection using second order information"). The iteration ends as in libsvm.
+//! The greatest gradient among variables that can rise, minus the least gradient among variables
+//! that can fall, must be at most the tolerance.
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -16,13 +18,14 @@ use super::newton::Newton;
 use crate::parallel::Kernel;
 use crate::real::Real;
 
-/// Lower bound on the curvature, as in libsvm; identical rows have curvature 0.
+/// Lower bound on the curvature, as in libsvm. It is needed because identical rows have curvature
+/// 0.
 const LEAST_CURVATURE: f64 = 1e-12;
 
-/// Number of blocks that are processed together. The capacity for variables is a multiple of it.
+/// Number of blocks that are processed together. The capacity in blocks is a multiple of this.
 const GROUP: usize = 4;
 
-/// Solves the small problem to the tolerance, or gives up after `steps` steps.
+/// Solves the small problem to the tolerance, or gives up when no `steps` are left.
 pub(super) struct Pairwise<'a, T> {
     pub(super) dense: &'a mut Dense<T>,
     pub(super) newton: &'a mut Newton,
@@ -35,8 +38,9 @@ impl<T: Entry> Kernel for Pairwise<'_, T> {
     fn run(self) {
         let Self { dense, newton, tolerance, steps } = self;
         while *steps > 0 {
-            // Pairwise steps determine which variables are at a bound. They may take slightly
-            // longer than a Newton step, which then solves for the other variables.
+            // Pairwise steps determine which variables are at a bound. Then a Newton step solves
+            // for the other variables. The budget lets pairwise steps take slightly longer than
+            // this Newton step.
             let free = dense.variables.iter().filter(|variable| variable.is_free()).count();
             let budget = 4 * dense.variables.len() + free * free * free / 1000;
             if exchange(dense, tolerance, budget.min(*steps), steps) {
@@ -47,8 +51,8 @@ impl<T: Entry> Kernel for Pairwise<'_, T> {
     }
 }
 
-/// Takes pairwise steps until the tolerance is reached, but at most `budget` steps. Subtracts their
-/// number from `steps`. Returns whether the tolerance is reached.
+/// Takes pairwise steps until the tolerance is reached, but at most `budget` steps. Subtracts the
+/// number of steps taken from `steps`. Returns whether the tolerance is reached.
 #[inline(always)]
 fn exchange<T: Entry>(
     dense: &mut Dense<T>,
@@ -78,7 +82,7 @@ fn exchange<T: Entry>(
         let wanted = ((top - *entry(&dense.gradient, j)) / curvature).to_f64();
         let (room_above, room_below) = (a.upper - a.beta, b.beta - b.lower);
         let taken = wanted.smaller(room_above).smaller(room_below);
-        // A variable that reaches a bound gets exactly the bound's value.
+        // A variable that reaches a bound is set to exactly this bound.
         dense.variables[i].beta = if taken == room_above { a.upper } else { a.beta + taken };
         dense.variables[j].beta = if taken == room_below { b.lower } else { b.beta - taken };
         step = T::from_f64(taken);
@@ -89,9 +93,9 @@ fn exchange<T: Entry>(
     false
 }
 
-/// Updates the gradients after β_i rose and β_j fell by `step`. Returns the greatest gradient of a
-/// variable that can rise, the least gradient of a variable that can fall, and the first variable
-/// with this greatest gradient.
+/// Updates the gradients after β_i has risen and β_j has fallen by `step`. Returns the greatest
+/// gradient among variables that can rise, the least gradient among variables that can fall, and
+/// the first variable with the greatest gradient.
 #[inline(always)]
 fn move_on<T: Entry>(
     dense: &mut Dense<T>,
@@ -109,7 +113,8 @@ fn move_on<T: Entry>(
     let mut place = [T::ZERO; LANES];
     let mut here = T::ZERO;
     let one = T::from_f64(1.0);
-    // Find the best of a few blocks in registers first, then update the best so far in memory.
+    // First find the best entry of a few blocks in registers, then compare it with the best so far
+    // in memory.
     let groups = gradient.as_chunks_mut::<GROUP>().0.iter_mut().zip(rise.as_chunks::<GROUP>().0);
     let groups = groups.zip(fall.as_chunks::<GROUP>().0);
     let rows = row_i.as_chunks::<GROUP>().0.iter().zip(row_j.as_chunks::<GROUP>().0);
@@ -155,8 +160,8 @@ fn invert<T: Entry>(dense: &mut Dense<T>, blocks: usize, i: usize, least: T) {
     dense.ready[i] = true;
 }
 
-/// The variable that gains most in an exchange with `i`, among the variables that can fall and have
-/// a gradient below `top`. The gain is (top − v_j)² / (K_ii + K_jj − 2 K_ij).
+/// The variable whose exchange with `i` gains most, among the variables that can fall and have a
+/// gradient below `top`. The gain is (top − v_j)² / (K_ii + K_jj − 2 K_ij).
 #[inline(always)]
 fn partner<T: Entry>(dense: &Dense<T>, blocks: usize, i: usize, top: T) -> usize {
     let inverse = &dense.inverse[i * dense.stride..i * dense.stride + blocks];
@@ -187,8 +192,8 @@ fn partner<T: Entry>(dense: &Dense<T>, blocks: usize, i: usize, top: T) -> usize
     first_greatest(&most, &place).1
 }
 
-/// The greatest value of the lanes, and its variable; on a tie, the first variable. Branch-free,
-/// because branches would be unpredictable.
+/// The greatest value of the lanes, and the first variable that has it. The code has no branches,
+/// because the processor could not predict them.
 #[inline(always)]
 fn first_greatest<T: Entry>(values: &[T; LANES], place: &[T; LANES]) -> (T, usize) {
     let best = reduced(*values, T::larger);
@@ -201,7 +206,7 @@ fn first_greatest<T: Entry>(values: &[T; LANES], place: &[T; LANES]) -> (T, usiz
     (best, reduced(index, T::smaller).to_f64() as usize)
 }
 
-/// Combines all lanes by an operation whose order does not matter.
+/// Combines all lanes with an operation that is commutative and associative.
 #[inline(always)]
 fn reduced<T: Entry>(mut lanes: [T; LANES], operation: impl Fn(T, T) -> T) -> T {
     let mut width = LANES / 2;

@@ -1,25 +1,26 @@
 //! Platt scaling: the sigmoid that turns held-out decision values into probabilities.
 //!
-//! The method is that of Lin, Lin and Weng (2007), "A note on Platt's probabilistic outputs for
+//! The method is from Lin, Lin and Weng (2007), "A note on Platt's probabilistic outputs for
 //! support vector machines". It minimises the cross entropy with Laplace-smoothed targets by
-//! Newton's method with step halving, in a form that neither overflows nor cancels.
+//! Newton's method with step halving. The formulas avoid overflow and cancellation.
 
 use crate::math::{exp, ln};
 use crate::predict::svm::Sigmoid;
 
-/// Added to the Hessian's diagonal, because constant decision values make the Hessian singular.
+/// Added to the Hessian's diagonal, because the Hessian is singular if decision values are
+/// constant.
 const RIDGE: f64 = 1e-12;
 /// Newton's method ends when no component of the gradient exceeds this times the number of decision
 /// values.
 const TOLERANCE: f64 = 1e-12;
-/// Maximum number of Newton steps; about six are needed.
+/// Maximum number of Newton steps. About six are needed.
 const MAX_STEPS: usize = 100;
-/// Newton's method ends when a step is halved below this share, because the loss is then flat to
-/// rounding error.
+/// Newton's method ends when a step is halved below this fraction. The loss is then flat up to
+/// rounding errors.
 const LEAST_SHARE: f64 = 1e-10;
 
-/// Fits the sigmoid to held-out rows. Each row has its decision value and whether its class is the
-/// pair's first class. Without rows, all probabilities are ½.
+/// Fits the sigmoid to held-out rows. Each row has a decision value, and a flag that is true if its
+/// class is the pair's first class. Without rows, all probabilities are ½.
 pub(super) fn sigmoid(decisions: &[(f64, bool)]) -> Sigmoid {
     let first = decisions.iter().filter(|&&(_, first)| first).count() as f64;
     let second = decisions.len() as f64 - first;
@@ -110,7 +111,7 @@ mod tests {
     #[test]
     fn data_that_leave_it_open() {
         assert_eq!(sigmoid(&[]).probability(3.0), 0.5);
-        // One class only: Laplace's rule.
+        // With only one class, the probability follows Laplace's rule.
         let p = sigmoid(&[(1.0, true); 8]).probability(1.0);
         assert!((p - 0.9).abs() < 1e-6, "{p}");
         // Even for separated classes, the probability stays below 1.

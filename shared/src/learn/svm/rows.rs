@@ -30,8 +30,8 @@ pub(super) fn check(width: usize, rows: &[f64], targets: &[Target<'_>]) -> Resul
     Ok(())
 }
 
-/// The order of rows in computations: by labels, then by features. Swapping rows that are equal in
-/// labels and features has no effect.
+/// The order in which computations process the rows: by labels, then by features. Rows with equal
+/// labels and features are interchangeable.
 pub(super) fn order(width: usize, rows: &[f64], targets: &[Target<'_>]) -> Vec<usize> {
     let row = |i: usize| &rows[i * width..(i + 1) * width];
     let mut order: Vec<usize> = (0..rows.len() / width.max(1)).collect();
@@ -46,7 +46,7 @@ pub(super) fn order(width: usize, rows: &[f64], targets: &[Target<'_>]) -> Vec<u
     order
 }
 
-/// The scale fitted to the rows `fitted`, and the rows `wanted` standardised by this scale.
+/// The scale fitted to the rows `fitted`, and the rows `wanted`, standardised with this scale.
 pub(super) fn standardised(
     width: usize,
     rows: &[f64],

@@ -1,10 +1,10 @@
-//! The dual problem of one pair of classes on a kernel matrix, solved through small problems.
+//! Solves the dual problem of one pair of classes on a kernel matrix, through small problems.
 //!
-//! Most variables stay at a bound. Therefore, steps are taken in a small problem, a dense copy of
-//! the few other rows ([`Pairwise`]). Then the gradients of all rows are updated, and the rows that
-//! violate the optimality conditions most join the small problem. This repeats until no row
-//! violates the conditions. The next C starts from the solution for the previous C, multiplied by
-//! the ratio of the two, so that variables at a bound stay there.
+//! Most variables stay at a bound. Therefore, steps are taken in a small problem, which is a dense
+//! copy of the few other rows ([`Pairwise`]). Then the gradients of all rows are updated, and the
+//! rows that violate the optimality conditions most join the small problem. This repeats until no
+//! row violates the conditions. For the next C, the solution for the previous C is multiplied by
+//! the ratio of the two values, so that variables at a bound stay at the bound.
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -18,15 +18,15 @@ use core::ops::Range;
 
 /// Maximum number of rows of each kind (to rise or to fall) that join the small problem at once.
 const JOIN: usize = 24;
-/// From this size on, settled rows leave the small problem when other rows join.
+/// If the small problem has at least this many rows, settled rows leave it when other rows join.
 const FULL: usize = 48;
-/// The small problem is solved only to this share of the current gap, because it will change.
+/// The small problem is solved only to this fraction of the current gap, because it will change.
 const SHARE: f64 = 0.1;
 
-/// The SVM of a pair: decision f = Σ β_i K(x_i, x) + intercept.
+/// The SVM of a pair. Its decision value is f = Σ β_i K(x_i, x) + intercept.
 #[derive(Clone, Debug)]
 pub(super) struct DualSolution {
-    /// In blocks, with one entry per training row.
+    /// The dual variables β in blocks, with one entry per training row.
     pub(super) beta: Vec<Block<f64>>,
     pub(super) intercept: f64,
 }
@@ -60,9 +60,9 @@ struct Rows {
 }
 
 impl<'a, T: Entry> Smo<'a, T> {
-    /// The problem for this C and for rows with `sides` 1, −1 (both must occur) or 0 (ignored).
-    /// `start` is the solution of a similar problem with the same sides and C. Without it, all rows
-    /// of the smaller class, and equally many rows of the other class, start at the bound.
+    /// The problem for this C and for rows with `sides` 1 or −1 (both must occur) or 0 (ignored).
+    /// `start` is the solution of a similar problem with the same sides and C. If it is `None`, all
+    /// rows of the smaller class, and equally many rows of the other class, start at the bound.
     pub(super) fn new(
         gram: &'a mut Gram<T>,
         sides: &'a [i8],
@@ -109,7 +109,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         smo
     }
 
-    /// Solves for this C, starting from the previous solution.
+    /// Solves the problem for this C, starting from the current solution.
     ///
     /// # Errors
     /// [`Invalid`] if `steps` steps do not reach the tolerance.
@@ -170,7 +170,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         for (i, &side) in self.sides.iter().enumerate() {
             let (beta, (lower, upper)) = (*entry(&self.rows.beta, i), self.bounds(i));
             let bound = *entry(&self.rows.rise, i) != 0.0 || *entry(&self.rows.fall, i) != 0.0;
-            // Variables at a bound get exactly the bound's value.
+            // Variables at a bound are set to exactly the new bound.
             self.set(
                 i,
                 match beta {
@@ -193,7 +193,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         }
     }
 
-    /// Calls `visit(row, gradient, may rise, may fall)` for each row of the problem.
+    /// Calls `visit(row, gradient, can rise, can fall)` for each row of the two classes.
     fn each(&self, mut visit: impl FnMut(usize, f64, bool, bool)) {
         for (i, &side) in self.sides.iter().enumerate() {
             if side != 0 {
@@ -204,16 +204,16 @@ impl<'a, T: Entry> Smo<'a, T> {
         }
     }
 
-    /// The greatest gradient among variables that can rise, and the least among those that can
-    /// fall.
+    /// The greatest gradient among variables that can rise, and the least gradient among variables
+    /// that can fall.
     fn extremes(&self) -> (f64, f64) {
         let mut extremes = (f64::NEG_INFINITY, f64::INFINITY);
         in_widest_lanes(Extremes { rows: &self.rows, runs: &self.runs, extremes: &mut extremes });
         extremes
     }
 
-    /// The rows outside the small problem that violate the optimality conditions most, at most
-    /// [`JOIN`] of each kind.
+    /// The rows outside the small problem that violate the optimality conditions most. Returns at
+    /// most [`JOIN`] rows of each kind.
     fn violators(&self, middle: f64) -> Vec<usize> {
         let mut found = Vec::new();
         in_widest_lanes(Violators {
@@ -239,7 +239,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         most
     }
 
-    /// Adds rows to the small problem. If it is full, they replace settled rows first.
+    /// Adds rows to the small problem. If it is full, they first replace settled rows.
     fn join(&mut self, rows: &[usize], middle: f64) {
         let mut rows = rows.iter().copied();
         if self.members.len() >= FULL {
@@ -273,7 +273,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         self.dense.fill(slot, &self.members, self.gram.row(row));
     }
 
-    /// Copies state into the small problem.
+    /// Copies the variables, their bounds and their gradients into the small problem.
     fn load(&mut self) {
         for (slot, &i) in self.members.iter().enumerate() {
             let (lower, upper) = self.bounds(i);
@@ -309,7 +309,8 @@ impl<'a, T: Entry> Smo<'a, T> {
     }
 }
 
-/// All rows of the smaller class at the bound, and equally many of the other class, evenly spread.
+/// Puts all rows of the smaller class, and equally many evenly spread rows of the other class, at
+/// the bound.
 fn balanced(sides: &[i8], c: f64) -> Vec<Block<f64>> {
     let count = |side: i8| sides.iter().filter(|&&s| s == side).count();
     let wanted = count(1).min(count(-1));
@@ -350,7 +351,7 @@ impl Kernel for Extremes<'_> {
     }
 }
 
-/// Finds the rows that violate the conditions, and their gradients' distances from the middle.
+/// Finds the rows that violate the conditions, each with its gradient's distance from the middle.
 struct Violators<'a> {
     rows: &'a Rows,
     runs: &'a [Range<usize>],

@@ -4,7 +4,7 @@ use super::*;
 use crate::math::SeededRng;
 use crate::parallel::Kernel as _;
 
-/// Two overlapping clouds with rows of a third class among them, and some duplicate rows.
+/// Two overlapping clouds, with rows of a third class and some duplicate rows among them.
 fn clouds(seed: u64, count: usize, width: usize) -> (Vec<f64>, Vec<i8>) {
     let mut rng = SeededRng::new(seed);
     let (mut rows, mut sides) = (Vec::new(), Vec::new());
@@ -20,8 +20,9 @@ fn clouds(seed: u64, count: usize, width: usize) -> (Vec<f64>, Vec<i8>) {
     (rows, sides)
 }
 
-/// Violation of the optimality conditions, recomputed from scratch: the greatest gradient among
-/// variables that can rise, minus the least among those that can fall, and |Σ β|.
+/// By how much a solution violates the optimality conditions, recomputed from scratch. Returns the
+/// greatest gradient among variables that can rise, minus the least gradient among variables that
+/// can fall, and |Σ β|.
 fn breach<T: Entry>(gram: &Gram<T>, sides: &[i8], solution: &DualSolution, c: f64) -> (f64, f64) {
     let (mut top, mut bottom) = (f64::NEG_INFINITY, f64::INFINITY);
     let mut total = 0.0;
@@ -106,8 +107,8 @@ fn linear_svms_are_those_of_pairwise_steps() {
     }
 }
 
-/// Checks the optimality conditions of a linear SVM. `rounding` is the tolerance of w and of Σ y α,
-/// in units of 1 + C.
+/// Checks the optimality conditions of a linear SVM. `rounding` is the tolerance for w and for
+/// Σ y α, in units of 1 + C.
 fn check_plane(width: usize, rows: &[f64], sides: &[i8], c: f64, rounding: f64) {
     let plane = linear::fit(width, rows, sides, c).unwrap();
     let mine = (0..sides.len()).filter(|&i| sides[i] != 0);
@@ -116,8 +117,8 @@ fn check_plane(width: usize, rows: &[f64], sides: &[i8], c: f64, rounding: f64) 
         let (row, side) = (&rows[i * width..(i + 1) * width], f64::from(sides[i]));
         let slack = side * plane.decision(row) - 1.0;
         assert!((-1e-12..=c * (1.0 + 1e-12)).contains(&alpha));
-        // Rows with 0 < α < C are on the margin, rows with α = C inside it, rows with α = 0
-        // outside.
+        // Rows with 0 < α < C are on the margin, rows with α = C are inside it, and rows with α = 0
+        // are outside it.
         assert!(alpha * slack.max(0.0) < 1e-8 * (1.0 + c), "{alpha} {slack}");
         assert!((c - alpha) * (-slack).max(0.0) < 1e-8 * (1.0 + c), "{alpha} {slack}");
         total += side * alpha;
@@ -141,7 +142,7 @@ fn conditions_of_the_optimum_hold_for_linear_svms() {
     }
 }
 
-/// With few rows of nearly dependent features, full corrector steps may cycle. They do so in the
+/// With few rows and nearly dependent features, full corrector steps may cycle. They do so in the
 /// first three cases.
 #[test]
 fn linear_svms_do_not_go_in_circles() {
@@ -150,7 +151,7 @@ fn linear_svms_do_not_go_in_circles() {
         for row in rows.chunks_mut(width) {
             (row[0], row[2]) = (row[1] * row[1], row[1] + 0.01 * row[2]);
         }
-        // Features that depend on each other to 1 % cost four digits of accuracy.
+        // Features that depend on each other up to 1 % cost four digits of accuracy.
         check_plane(width, &rows, &sides, c, 1e-7);
     };
     check(1392, 130, 9, 1.0);
@@ -191,7 +192,7 @@ fn lanes_change_no_bit() {
     wide.set_data(5, &rows, sides.len());
     let mut narrow = Gram::<f32>::empty(false);
     narrow.set_data(5, &rows, sides.len());
-    // The cached distances of one γ are reused for the next.
+    // The cached distances are reused for the second γ.
     for gamma in [0.7, 0.3] {
         wide.set_gamma(gamma);
         narrow.set_gamma(gamma);

@@ -1,48 +1,48 @@
 //! Grows trees by exhaustive search over splits, for any criterion.
 //!
-//! Each column is sorted once. A node has one list of its rows for each column, in the order of
-//! this column. A split divides each of these lists and keeps their order. Trees that differ only
-//! in their minimum leaf size are grown together until their best splits differ.
+//! Each column is sorted once. A node stores its rows once per column, in the order of this column.
+//! A split partitions each of these lists and keeps their order. Trees that differ only in their
+//! minimum leaf size are grown together until their best splits differ.
 
 use crate::invalid::Invalid;
 use crate::learn::samples::Samples;
 use crate::predict::tree::{DEEPEST, Node};
 
-/// Maximum number of rows. More rows could overflow the sums of a criterion.
+/// Maximum number of rows. With more rows, the sums of a criterion could overflow.
 const MOST_ROWS: usize = 1 << 21;
 
-/// No split separates values that differ by at most this. In single precision, as in scikit-learn,
-/// it vanishes beside large values, so that only equal values stay together.
+/// Values that differ by at most this are never separated, as in scikit-learn. In single precision,
+/// adding this to a large value has no effect, so among large values only equal ones stay together.
 const CLOSE: f32 = 1e-7;
 
-/// The criterion of a split. All results must depend only on sets of rows, not on their order.
+/// A split criterion. Its results must depend only on sets of rows, not on their order.
 pub(crate) trait Criterion {
     /// The summary of a node's rows.
     type Total;
-    /// The summary of both sides of a split while the split moves to the right.
+    /// The summaries of both sides during a scan over the splits of a column.
     type Scan;
     /// The score of a split.
     type Score: Copy;
 
     /// The summary of these rows.
     fn total(&self, rows: impl Iterator<Item = usize>) -> Self::Total;
-    /// Whether a node with this summary needs no split.
+    /// Whether a node with this summary becomes a leaf without a search for splits.
     fn is_done(&self, total: &Self::Total) -> bool;
     /// The initial scan, with all of the node's rows on the right.
     fn begin(&self, total: &Self::Total) -> Self::Scan;
     /// Moves a row from the right to the left.
     fn pass(&self, scan: &mut Self::Scan, row: usize);
-    /// The score of the split here, with at least one row on each side.
+    /// The score of the current split, which has at least one row on each side.
     fn score(&self, scan: &Self::Scan) -> Self::Score;
     /// Whether one score is strictly better than another.
     fn is_better(&self, score: &Self::Score, than: &Self::Score) -> bool;
-    /// Whether a node with this summary is split, given the score of its best split.
+    /// Whether a node with this summary should be split, given the score of its best split.
     fn is_worth_it(&self, _score: &Self::Score, _total: &Self::Total) -> bool {
         true
     }
 }
 
-/// A row's value in some column.
+/// A row's value in one column.
 #[derive(Clone, Copy)]
 struct Entry {
     value: f32,
@@ -50,7 +50,7 @@ struct Entry {
 }
 
 impl Entry {
-    /// Whether `next`, whose value is not less than this one, is too close to be separated.
+    /// Whether this entry and `next`, whose value is not smaller, are too close to be separated.
     #[inline(always)]
     fn is_close_to(self, next: Self) -> bool {
         next.value <= self.value + CLOSE
@@ -78,7 +78,7 @@ impl Columns {
             return Err(Invalid::new("rows", format!("at most {MOST_ROWS} rows"), rows));
         }
         let mut entries = Vec::with_capacity(rows * samples.width());
-        // Sort keys: sign, exponent and fraction as one order-preserving integer, then the row.
+        // Sort keys: the bits of the value as an integer with the same order, then the row.
         let mut keys: Vec<u64> = Vec::with_capacity(rows);
         for j in 0..samples.width() {
             keys.clear();
@@ -112,7 +112,7 @@ impl Columns {
         self.column(column).iter().map(|entry| entry.row as usize)
     }
 
-    /// The possible splits of a column, each with the number of rows on the left and the threshold.
+    /// The possible splits of a column: the number of rows on the left, and the threshold.
     pub(crate) fn partings(&self, column: usize) -> impl Iterator<Item = (usize, f64)> {
         let pairs = (1..).zip(self.column(column).windows(2));
         pairs
@@ -140,13 +140,13 @@ impl Limits {
     }
 }
 
-/// A tree: its nodes in preorder, and the total of each.
+/// A tree: its nodes in preorder, and the total of each node.
 pub(crate) struct Grown<T> {
     pub(crate) nodes: Vec<Node>,
     pub(crate) totals: Vec<T>,
 }
 
-/// The best split of a node for one of the trees.
+/// The best split of a node in one of the trees.
 #[derive(Clone, Copy)]
 struct Best<S> {
     score: S,
@@ -158,19 +158,19 @@ struct Best<S> {
 
 /// A node that is not split yet.
 struct OpenNode {
-    /// The node's rows in the order of each column, column by column. Only one column if the node
-    /// is known to be a leaf.
+    /// The node's rows in the order of each column, column by column. If the node is known to be a
+    /// leaf, only one column is stored.
     entries: Vec<Entry>,
     rows: usize,
     depth: usize,
     /// The trees that contain the node.
     trees: Vec<usize>,
-    /// The node's parent in each of these trees. Empty for the root.
+    /// The index of the node's parent in each of these trees. Empty for the root.
     parents: Vec<usize>,
     is_right: bool,
 }
 
-/// Grows one tree per minimum leaf size. `at_leaf(tree, node, rows)` receives the rows of each
+/// Grows one tree per minimum leaf size. Calls `at_leaf(tree, node, rows)` with the rows of each
 /// leaf.
 pub(crate) fn grow<C: Criterion>(
     columns: &Columns,
@@ -224,7 +224,8 @@ where
                 i += 1;
                 continue;
             };
-            // A larger minimum leaf size allows fewer splits, so trees that agree are adjacent.
+            // Trees with the same split are adjacent, because a larger minimum leaf size allows
+            // fewer splits.
             let same = |other: &Option<Best<C::Score>>| {
                 other.is_some_and(|o| (o.column, o.left) == (split.column, split.left))
             };
@@ -237,7 +238,8 @@ where
             for (i, entry) in column.iter().enumerate() {
                 goes_left[entry.row as usize] = i < split.left;
             }
-            // The stack is last in, first out, so the left child is taken next, as in preorder.
+            // The stack is last in, first out, so the left child is popped next, which gives
+            // preorder.
             for is_right in [true, false] {
                 let rows = if is_right { &column[split.left..] } else { &column[..split.left] };
                 let is_leaf = open.depth + 1 == limits.depth || rows.len() < 2 * leaves[i];
@@ -259,8 +261,8 @@ where
     grown
 }
 
-/// For each minimum leaf size (ascending), the best split that leaves at least that many rows on
-/// both sides.
+/// Finds, for each minimum leaf size (ascending), the best split that leaves at least this many
+/// rows on both sides.
 fn best_splits<C: Criterion>(
     criterion: &C,
     open: &OpenNode,
@@ -284,9 +286,9 @@ fn best_splits<C: Criterion>(
                 continue;
             }
             let score = criterion.score(&scan);
-            // A smaller minimum leaf size allows all splits of a larger one, so its best split is
-            // at least as good. A split no better than the best for a larger minimum is no better
-            // for a smaller one.
+            // A smaller minimum leaf size allows all splits that a larger one allows, so its best
+            // split is at least as good. If a split does not improve the best split for a larger
+            // minimum, it cannot improve the best split for a smaller one.
             for (best, _) in best.iter_mut().zip(leaves).rev().filter(|(_, l)| **l <= smaller) {
                 if best.is_some_and(|best| !criterion.is_better(&score, &best.score)) {
                     break;
@@ -302,10 +304,10 @@ fn best_splits<C: Criterion>(
     best
 }
 
-/// One side of the split: `kept` entries of each list of `rows` entries.
+/// Returns one side of the split. Each list of `rows` entries contributes `kept` entries.
 fn part(entries: &[Entry], goes_left: &[bool], left: bool, rows: usize, kept: usize) -> Vec<Entry> {
-    // One spare slot, because the other side's entries are written too and then overwritten, which
-    // is cheaper than a branch.
+    // The vector has one spare slot, because entries of the other side are also written and then
+    // overwritten. This is cheaper than a branch.
     let mut side = vec![Entry { value: 0.0, row: 0 }; entries.len() / rows * kept + 1];
     let mut end = 0;
     for entry in entries {

@@ -2,13 +2,13 @@
 //!
 //! This is the second method of Wu, Lin and Weng (2004), "Probability estimates for multi-class
 //! classification by pairwise coupling". It finds the p with Σ p = 1 that minimises the sum over
-//! pairs of (r_ba p_a − r_ab p_b)², where r_ab is the probability of a among {a, b}. The optimality
-//! conditions are linear: Q p = λ 1 and Σ p = 1.
+//! pairs of (r_ba p_a − r_ab p_b)². Here, r_ab is the probability of class a if only classes a and
+//! b are possible. The optimality conditions are linear: Q p = λ 1 and Σ p = 1.
 
 use super::pairs::pairs;
 
-/// Pairwise probabilities r are clamped to stay at least this far from 0 and 1, as in libsvm. With
-/// all r inside (0, 1), the system has exactly one solution, and it is positive.
+/// Pairwise probabilities r are clamped to stay at least this far from 0 and 1, as in libsvm. If
+/// all r are inside (0, 1), the system has exactly one solution, and this solution is positive.
 const EDGE: f64 = 1e-7;
 
 /// Writes the class probabilities to `out`. `pairwise` contains P(first class) of each pair.
@@ -19,7 +19,8 @@ pub(super) fn couple(pairwise: &[f64], out: &mut [f64]) {
         (*first, *second) = (r, 1.0 - r);
         return;
     }
-    // The rows of Q, with a column for −λ and the right-hand side, then the row for Σ p = 1.
+    // Each row of Q is followed by the coefficient of −λ and the right-hand side. The last row is
+    // Σ p = 1.
     let stride = k + 2;
     let mut system = vec![0.0; (k + 1) * stride];
     for ((a, b), &r) in pairs(k).zip(pairwise) {
@@ -47,8 +48,8 @@ pub(super) fn couple(pairwise: &[f64], out: &mut [f64]) {
     }
 }
 
-/// Gauss–Jordan elimination with partial pivoting. `system` has n rows of n coefficients and a
-/// right-hand side, which the solution replaces.
+/// Gauss–Jordan elimination with partial pivoting. Each of the n rows of `system` has n
+/// coefficients and a right-hand side. The solution replaces the right-hand sides.
 fn solve(system: &mut [f64], n: usize) {
     let stride = n + 1;
     for column in 0..n {

@@ -1,17 +1,18 @@
-//! eˣ for x ≤ 0 in SIMD lanes. It uses only additions, multiplications and a shift, so results are
-//! bit-identical for every lane width and in WebAssembly. `libm` uses branches, which are
-//! impossible in lanes.
+//! eˣ for x ≤ 0 in SIMD lanes. Only additions, multiplications and a shift are used, so results are
+//! bit-identical for every SIMD width and in WebAssembly. `libm` cannot be used, because its
+//! branches are impossible in SIMD lanes.
 //!
-//! With x = n·ln 2 + r and |r| ≤ ½ ln 2, eʳ is a Taylor polynomial, and adding n to the exponent
+//! Let x = n·ln 2 + r with |r| ≤ ½ ln 2. A Taylor polynomial gives eʳ, and adding n to its exponent
 //! bits multiplies it by 2ⁿ.
 
 /// eˣ for x ≤ 0, accurate to two ULP. Arguments below −708 are clamped to −708.
 #[inline(always)]
 pub(crate) fn exp64(x: f64) -> f64 {
-    // ln 2 in two parts. The first part ends in zero bits, so that its product with n is exact.
+    // ln 2 in two parts. The lowest bits of the first part are zero, so its product with n is
+    // exact.
     const LN2_HIGH: f64 = 6.931_471_803_691_238e-1;
     const LN2_LOW: f64 = 1.908_214_929_270_587_7e-10;
-    // Adding this number rounds to an integer, which is then in the lowest bits.
+    // Adding this number rounds to an integer and moves this integer to the lowest bits.
     const ROUND: f64 = 6_755_399_441_055_744.0;
     const TAYLOR: [f64; 14] = [
         1.0 / 6_227_020_800.0,

@@ -1,10 +1,10 @@
-//! Support vectors in SIMD lanes. Each kernel value is computed once for all pairs.
+//! Support vectors in SIMD lanes. Each kernel value is computed once and used for all pairs.
 
 use super::exponential::exp64;
 use crate::parallel::{Kernel, in_widest_lanes};
 
-/// Number of support vectors in a block. Sums run within a lane and then over the lanes in order,
-/// so the processor's lane width has no effect on the result.
+/// Number of support vectors in a block. Each lane has its own sum, and the lanes are then added in
+/// order, so the processor's SIMD width has no effect on the result.
 const LANES: usize = 8;
 
 type Lanes = [f64; LANES];
@@ -14,9 +14,9 @@ pub(super) struct Support {
     gamma: f64,
     width: usize,
     count: usize,
-    /// Blocks of vectors × features; zero beyond the last vector.
+    /// Blocks of vectors × features. Entries after the last vector are zero.
     vectors: Vec<Lanes>,
-    /// Blocks of vectors × pairs; zero beyond the last vector.
+    /// Blocks of vectors × pairs. Entries after the last vector are zero.
     dual: Vec<Lanes>,
     pairs: usize,
 }
@@ -61,7 +61,8 @@ impl Support {
         (0..self.pairs).map(|pair| (0..self.count).map(|i| entry(i, pair)).collect()).collect()
     }
 
-    /// For a standardised row, adds the sum over all support vectors to each pair's decision value.
+    /// Adds the sum over all support vectors, for a standardised row, to each pair's decision
+    /// value.
     pub(super) fn add_to(&self, row: &[f64], decisions: &mut [f64]) {
         let mut sums = vec![[0.0; LANES]; self.pairs];
         in_widest_lanes(Sums { support: self, row, sums: &mut sums });

@@ -1,12 +1,12 @@
 //! Extremals that diverge beyond double precision.
 //!
-//! Two extremals that switch from the highest to the lowest rate shortly after each other diverge when
-//! they are traced backward. The closer to straight they are at the switch, the faster they diverge. If
-//! bounds forbid driving straight by 10⁻⁴ rad/s, their distance grows several thousandfold in one step.
-//! After a few such steps, metres of the front lie between two neighbours whose parameters at the end
-//! differ in the last bit. So such neighbours are traced back until just before they diverge. There,
-//! the extremals between them get a new parameter: the fraction of the way from one neighbour to the
-//! other.
+//! Consider two extremals that switch from the highest to the lowest rate at slightly different times.
+//! Traced backward, they diverge. The closer to straight they are at the switch, the faster they
+//! diverge. If bounds forbid driving straight by 10⁻⁴ rad/s, their distance grows several thousandfold
+//! in one step. After a few such steps, metres of the front lie between two neighbours whose parameters
+//! at the end differ only in the last bit. So such neighbours are traced back until just before they
+//! diverge. There, the extremals between them get a new parameter, the interpolation fraction between
+//! the two neighbours.
 
 use super::super::budget::Budget;
 use super::super::paths::Paths;
@@ -23,8 +23,8 @@ pub(super) struct Neighbours {
     pub(super) at: PathTime,
 }
 
-/// Extremals closer together than this (rad and s) represent all between them, because the end moves by
-/// no more.
+/// Two extremals closer together than this (rad and s) represent all extremals between them, because
+/// their ends differ by no more than this.
 const CLOSE: f64 = 1e-9;
 
 /// Neighbours in the family that are closer together than this (rad and s) have not diverged.
@@ -36,28 +36,29 @@ const SEARCH: usize = 2;
 /// Maximum number of successive divergences through which neighbours are followed.
 pub(super) const MOST_DIVERGENCES: u32 = 16;
 
-/// Accuracy of the instant of divergence (s). A divergence takes longer.
+/// Accuracy of the instant of divergence (s). The divergence itself takes longer than this.
 const INSTANT: f64 = 1e-13;
 
 impl Neighbours {
-    /// The extremal at the fraction `share` of the way from the first to the last, at the same instant.
+    /// The extremal interpolated at the fraction `share` from the first to the last, at the same
+    /// instant.
     pub(super) fn between(&self, share: f64) -> Costate {
         self.first.between(&self.last, share)
     }
 
-    /// The two at an earlier instant.
+    /// Both extremals at the earlier instant `to`.
     pub(super) fn back(&self, paths: &Paths, to: PathTime) -> Self {
         let [first, last] = [self.first, self.last].map(|one| one.back(paths, self.at, to));
         Self { first, last, at: to }
     }
 
-    /// Whether the two are close enough to represent all between them.
+    /// Whether the two are close enough to represent all extremals between them.
     pub(super) fn are_one(&self) -> bool {
         self.first.is_near(&self.last, CLOSE)
     }
 
-    /// The two extremals just before they diverge, traced back to `until` at most. Returns `None` if
-    /// they have already diverged.
+    /// Traces both extremals back to just before they diverge, but at most to `until`. Returns `None`
+    /// if they have already diverged.
     pub(super) fn before_divergence(&self, paths: &Paths, until: PathTime) -> Option<Self> {
         if !self.first.is_near(&self.last, NEIGHBOURING) {
             return None;
@@ -88,8 +89,8 @@ impl Neighbours {
         Some(together)
     }
 
-    /// Appends the ends of the extremals between the two, without the ends of the two. Follows them
-    /// through at most `divergences` further divergences.
+    /// Appends the ends of the extremals strictly between the two. Follows them through at most
+    /// `divergences` further divergences.
     pub(super) fn bridge(
         &self,
         paths: &Paths,
@@ -111,7 +112,8 @@ impl Neighbours {
         };
         let bridge = |from: f64, to: f64, points: &mut Vec<Complex<f64>>| {
             let nearer = Self { first: close.between(from), last: close.between(to), at: close.at };
-            // Otherwise, they diverge at once, and another search would begin at the same instant.
+            // If `close.at` is not earlier, the extremals diverge at once, and the next search would
+            // not advance.
             if close.at < self.at && divergences > 0 {
                 nearer.bridge(paths, tolerance, divergences - 1, (points, budget));
             }

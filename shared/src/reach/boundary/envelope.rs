@@ -2,13 +2,13 @@
 
 use nalgebra::Complex;
 
-/// Values of y (s) that differ by less count as equal.
+/// Two values of y that differ by less than this (s) count as equal.
 const LEVEL: f64 = 1e-11;
 
 /// The lower envelope of the curves added so far.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Envelope {
-    /// The current envelope. y never falls.
+    /// The current envelope. Its y is non-decreasing.
     base: Vec<Complex<f64>>,
     /// Buffer for the next envelope.
     next: Vec<Complex<f64>>,
@@ -26,8 +26,8 @@ impl Envelope {
         &self.base
     }
 
-    /// Removes points whose two neighbours have the same y, up to rounding. Otherwise, the envelope
-    /// would zigzag where one curve ends and another begins.
+    /// Removes points whose two neighbours have the same y, up to rounding errors. Otherwise, the
+    /// envelope would zigzag where one curve ends and another begins.
     pub(super) fn straighten(&mut self) {
         let level = |three: &[Complex<f64>]| three[2].im - three[0].im < LEVEL;
         self.next.clear();
@@ -38,9 +38,9 @@ impl Envelope {
         core::mem::swap(&mut self.base, &mut self.next);
     }
 
-    /// Adds a curve. The first curve defines the range of y, and its y must not fall. Of other curves,
-    /// each part with monotonic y counts within this range. Points of a curve must differ by more than
-    /// rounding errors.
+    /// Adds a curve. The first curve defines the range of y, and its y must be non-decreasing. Every
+    /// later curve is split into parts with monotonic y, and these parts count only within this range.
+    /// Consecutive points of a curve must differ by more than rounding errors.
     pub(super) fn add(&mut self, curve: impl Iterator<Item = Complex<f64>>) {
         if self.base.is_empty() {
             self.base.extend(curve);
@@ -80,7 +80,7 @@ impl Envelope {
     }
 }
 
-/// Whether `run` is below `base` at any vertex of either. Most parts are not and need not be merged.
+/// Whether `run` is below `base` at any vertex of either. Most runs are not, and need not be merged.
 fn reaches_below(base: &[Complex<f64>], run: &[Complex<f64>]) -> bool {
     let (low, high) = (run[0].im, run[run.len() - 1].im);
     let first = base.partition_point(|point| point.im < low);
@@ -103,7 +103,7 @@ fn reaches_below(base: &[Complex<f64>], run: &[Complex<f64>]) -> bool {
         })
 }
 
-/// Writes the lower envelope of `base` and `run`. y rises in both.
+/// Writes the lower envelope of `base` and `run` to `merged`. In both, y must be non-decreasing.
 fn merge(base: &[Complex<f64>], run: &[Complex<f64>], merged: &mut Vec<Complex<f64>>) {
     let (low, high) = (run[0].im, run[run.len() - 1].im);
     let (mut b, mut r) = (0, 0);
@@ -148,7 +148,8 @@ fn merge(base: &[Complex<f64>], run: &[Complex<f64>], merged: &mut Vec<Complex<f
     }
 }
 
-/// x of a curve at `y`: at its vertex `next` if `at` is true, otherwise on the edge before it.
+/// The x of a curve at `y`: at the vertex `next` if `at` is true, otherwise on the edge before this
+/// vertex.
 fn value(curve: &[Complex<f64>], next: usize, at: bool, y: f64) -> Option<f64> {
     if at {
         return Some(curve[next].re);

@@ -1,12 +1,13 @@
 //! Extremal paths, traced backward from their end (Pontryagin's principle).
 //!
-//! A path whose end is the farthest in a direction θ turns at the highest rate to the left of the line
-//! through its end in this direction, and at the lowest rate to the right, because a turn moves the end
-//! perpendicular to the remaining displacement. Let φ = ψ − θ for the heading ψ, and let `rest` be the
-//! remaining displacement in the frame rotated by θ. Then the costate of the heading is p = −Im(rest):
-//! p > 0 requires the highest rate and p < 0 the lowest. At the end p = 0. Backward along an arc, φ and
-//! `rest` have closed forms, so each extremal is exact, and φ at the end identifies it. An arc with
-//! p = 0 throughout is straight with φ = 0: a singular arc.
+//! Take a path whose end is the farthest in a direction θ, and the line through its end in this
+//! direction. To the left of the line, the path turns at the highest rate, and to the right of it at
+//! the lowest rate, because a turn moves the end perpendicular to the remaining displacement. Let φ = ψ
+//! − θ for the heading ψ, and let `rest` be the remaining displacement in the frame rotated by θ. Then
+//! the costate of the heading is p = −Im(rest), so p > 0 requires the highest rate and p < 0 the
+//! lowest. At the end p = 0. Backward along an arc, φ and `rest` have closed forms, so each extremal is
+//! exact. The value of φ at the end identifies it. An arc with p = 0 throughout is a *singular arc*,
+//! which is straight with φ = 0.
 
 use super::super::paths::{Paths, Turn, unit};
 use super::super::sampling::Sample;
@@ -24,17 +25,19 @@ pub(super) struct Costate {
     pub(super) rest: Complex<f64>,
     /// Number of switches between the bounds from here to the end.
     pub(super) switches: usize,
-    /// The bound just after this instant. `Side::Straight` at the end, and if a straight arc follows.
+    /// The bound that the rate takes just after this instant. It is `Side::Straight` at the end, and
+    /// before a straight arc.
     side: Side,
     /// The switch traced last, which is the earliest in time.
     switch: Switch,
-    /// The smallest second variation so far, at most 0. Shifting two neighbouring switches, so that the
-    /// end stays on its line along θ, moves the end back by at least this (times a square). If
-    /// negative, the path is not even locally the farthest on this line.
+    /// The smallest second variation so far, at most 0. Two neighbouring switches can be shifted so
+    /// that the end stays on its line along θ. This moves the end back by at least the second variation
+    /// (times the square of the shift). If it is negative, the path is not even locally the farthest on
+    /// this line.
     pub(super) second_variation: f64,
     /// The step of the second-to-last switch.
     pub(super) before_last: Option<usize>,
-    /// Cost of tracing it so far, in units of a budget.
+    /// Cost of tracing this extremal so far, in units of a budget.
     pub(super) work: usize,
 }
 
@@ -71,13 +74,13 @@ enum Side {
 /// Costates closer to zero than this (s) are rounding errors and count as zero.
 const ZERO_COSTATE: f64 = 1e-15;
 
-/// Costs of a turn, in units of a budget: if p keeps its sign, and otherwise for turns below and above
-/// [`BRIEF`].
+/// Costs of a turn, in units of a budget. The first one applies if p keeps its sign. Otherwise, the
+/// second one applies to turns below [`BRIEF`] and the third one to longer turns.
 const KEEPING: usize = 3;
 const CROSSING_BRIEFLY: usize = 8;
 const CROSSING: usize = 24;
 
-/// Only a path that chatters about φ = π has more switches than this per step. It is not traced
+/// Only a path that chatters about φ = π has more switches than this per step. It is then traced no
 /// further.
 const MOST_SWITCHES: usize = 8;
 
@@ -192,7 +195,8 @@ impl Costate {
         }
         if self.switches > 1 {
             // The path between the switches rotates by 1/(before − after), and the path after the later
-            // switch by −1/after. The squares of these denominators are omitted.
+            // switch by −1/after. `variation` is the true value multiplied by the squares of both
+            // denominators.
             let (before, after) = (switch.rest, self.switch.rest);
             let variation = switch.cost * after * after
                 + self.switch.cost * before * before
@@ -202,8 +206,9 @@ impl Costate {
         self.switch = switch;
     }
 
-    /// Whether p certainly keeps its sign back to an instant with these `facing` and `rest`, less than
-    /// half a turn away. Then Im(rest) is monotonic in between, or bulges away from zero.
+    /// Whether p certainly keeps its sign back to the instant with these `facing` and `rest`, which
+    /// must be less than half a turn away. If so, Im(rest) is monotonic in between, or bulges away from
+    /// zero.
     fn keeps_sign(&self, facing: Complex<f64>, rest: Complex<f64>) -> bool {
         let (im, growth, before) = (self.rest.im, self.facing.im, facing.im);
         if im == 0.0 {
@@ -287,8 +292,8 @@ impl Costate {
     }
 }
 
-/// Turns by less than this (rad) need no arc tangent. They have no root beyond half a turn, where z is
-/// negative.
+/// For turns by less than this (rad), a series replaces the arc tangent. Negative roots z can then be
+/// ignored, because they lie beyond half a turn.
 const BRIEF: f64 = 0.3;
 
 /// atan(x)/x for |x| < 0.16, to full precision.
@@ -301,7 +306,7 @@ fn brief_atan(x: f64) -> f64 {
     1.0 - x2 * (1.0 / 3.0 - x2 * (1.0 / 5.0 - x2 * sum))
 }
 
-/// The first time > 0 (s) at which (2/rate)·tan(rate·time/2) is `z`; infinite if there is none.
+/// The first time > 0 (s) at which (2/rate)·tan(rate·time/2) is `z`. Infinite if there is no such time.
 fn seconds(z: f64, rate: f64) -> f64 {
     let half = 0.5 * rate.abs();
     let turned = if half * z.abs() < 1e-8 { z } else { atan2(half * z, 1.0) / half };

@@ -1,5 +1,5 @@
-//! The front of a planar set: the ends of the paths that get farthest, from the end of the lowest-rate
-//! path to the end of the highest-rate path.
+//! The front of a planar set: the ends of the paths that get farthest in some direction. It runs from
+//! the end of the lowest-rate path to the end of the highest-rate path.
 
 use super::super::budget::Budget;
 use super::super::paths::{Path, Paths};
@@ -48,8 +48,8 @@ fn turn_then_straight(
             continue;
         }
         let mut straight_s = (steps - step) as f64 * step_s;
-        // Across the curve, x″ is rate²·straight_s. Along the curve it is `rate`, and a chord deviates
-        // from the tangent by at most rate·step_s.
+        // The second derivative of the curve is rate²·straight_s across the curve and `rate` along it.
+        // A chord deviates from the tangent by at most rate·step_s (rad).
         let bend = rate * rate * (straight_s + step_s);
         let count = pieces(step_s, bend, tolerance, least);
         let piece_s = step_s / count as f64;

@@ -1,10 +1,11 @@
 //! Extremals of the rear whose rate switches more than once.
 //!
-//! They switch back and forth around the backward direction, φ = π. If two neighbouring switches are
-//! between wide bounds, shifting both moves the end farther back, so the path does not bound the set:
-//! its second variation ([`Costate`]) is negative. The other paths switch between narrow bounds, and
-//! exist only for short ranges of the end heading φ. To find them all, the search begins where the last
-//! switch passes from one step to the next, and continues while the second-to-last switch skips a step.
+//! They switch back and forth around the backward direction, φ = π. If two neighbouring switches are in
+//! steps with wide bounds, shifting both moves the end farther back. Such a path does not bound the
+//! set, and its second variation ([`Costate`]) is negative. The other paths switch in steps with narrow
+//! bounds, and exist only for short ranges of the end heading φ. To find them all, the search starts at
+//! the end headings where the last switch moves to another step. It continues as long as the
+//! second-to-last switch skips a step from one extremal to the next.
 
 use super::super::budget::Budget;
 use super::super::paths::{Path, Paths};
@@ -13,17 +14,19 @@ use super::extremal::Costate;
 use crate::math::{PI, TAU, atan2};
 
 /// If driving straight is always admissible, the bounds of a step are wide if the range of all rates is
-/// at most this many times their width. No rear path with more than one switch has a switch between
-/// wide bounds. Measured: at 2.5 times, two switches gain 0.3 mm in 2 s; at 2 times, they gain nothing.
+/// at most this many times their width. No rear path with more than one switch has a switch in a step
+/// with wide bounds. Measured: at 2.5 times, two switches gain 0.3 mm in 2 s; at 2 times, they gain
+/// nothing.
 const WIDE: f64 = 2.0;
 
 /// Upper bound on the gain of more than one switch, as a fraction of the travel time multiplied by the
 /// square of the angle (rad) that the highest rate turns by in this time. Measured: 0.0015.
 const MOST_GAIN: f64 = 0.002;
 
-/// If driving straight is always admissible and the mean asymmetry of the bounds is below this, nothing
-/// is gained. The asymmetry of a step is 0 if the narrower side of its bounds has at least a quarter of
-/// the range of all rates, and 1 if this side has no width. Measured: no gain up to 0.4.
+/// If driving straight is always admissible and the mean asymmetry of the bounds is below this, more
+/// than one switch gains nothing. The asymmetry of a step is 0 if the narrower side of its bounds has
+/// at least a quarter of the range of all rates, and 1 if this side has no width. Measured: no gain up
+/// to 0.4.
 const ASYMMETRY: f64 = 0.3;
 
 /// Above [`ASYMMETRY`], the gain rises at most this many times as steeply as a straight line that
@@ -38,7 +41,7 @@ const MOST_SWITCHES: usize = 3;
 const MOST_HALVINGS: u32 = 20;
 
 /// Accuracy (rad) of the limits of a range of end headings, as a multiple of the tolerance divided by
-/// the travel time. Measured: up to 8, nothing is lost; at 32, the first positions are.
+/// the travel time. Measured: up to 8, no position is lost; at 32, the first positions are lost.
 const EDGE: f64 = 3.0;
 
 /// Extremals that end closer to φ = π than this (rad) are not traced, because at φ = π they may chatter
@@ -71,8 +74,8 @@ pub(super) fn append(
             let end = search.trace(phi);
             let matters = search.narrow(step) || search.skips(start, end);
             if matters || start.more || end.more {
-                // Several times as many as a smooth curve of the horizon's length needs. Where the ends
-                // chatter, no number is enough.
+                // This is several times as many traces as a smooth curve of the horizon's length needs.
+                // Where the ends chatter, no number would be enough.
                 let mut traces = 64 + (2.0 * (search.seconds / tolerance).sqrt()) as usize;
                 search.connect(start, end, (MOST_HALVINGS, &mut traces), curves);
             }
@@ -82,9 +85,9 @@ pub(super) fn append(
     curves.nodes = nodes;
 }
 
-/// Replaces `nodes` by the end headings at which a search begins, from `near` to `far`. Each has the
-/// step of the last switch between the previous end heading and this one. After this switch, the
-/// extremals follow `path`.
+/// Replaces `nodes` by the end headings at which a search begins, from `near` to `far`. Each node also
+/// has a step: the last switch is in this step for all end headings between the previous node and this
+/// one. After the last switch, the extremals follow `path`.
 fn last_switches(
     path: &Path,
     steps: usize,
@@ -177,15 +180,16 @@ impl<'a> Search<'a> {
         Trace { phi, candidate, more, before_last, sample: costate.sample() }
     }
 
-    /// Whether the second-to-last switch skips steps with narrow bounds between two extremals.
+    /// Whether the second-to-last switch skips a step with narrow bounds from one extremal to the
+    /// other.
     fn skips(&self, start: Trace, end: Trace) -> bool {
         let (a, b) = (start.before_last, end.before_last);
         (a.min(b) + 1..a.max(b)).any(|place| self.narrow(place - 1))
     }
 
-    /// Appends the ends of the extremals between two others, except those that are no candidates and
-    /// those at jumps, where an extremal passes near a singular one and its neighbours diverge. Traces
-    /// at most `traces` extremals.
+    /// Appends the ends of the extremals between `start` and `end`. Omits extremals that are not
+    /// candidates, and extremals at jumps, where an extremal passes near a singular one and its
+    /// neighbours diverge. Traces at most `traces` extremals.
     fn connect(
         &self,
         start: Trace,
@@ -203,7 +207,7 @@ impl<'a> Search<'a> {
         let three = [start, middle, end];
         let close = |a: Trace, b: Trace| triangle_height(a.sample, b.sample) <= self.tolerance;
         let any = three.iter().any(|trace| trace.more);
-        // The ends of the extremals may move away and come back, so the middle is checked.
+        // The ends of the extremals may move away and come back, so the middle is checked as well.
         if any
             && three.iter().all(|trace| trace.candidate)
             && close(start, end)
@@ -217,7 +221,7 @@ impl<'a> Search<'a> {
             curves.points().extend([through, to]);
             return;
         }
-        // If only one of the two is a candidate, extremals between them may bound the set.
+        // If only one of two neighbours is a candidate, extremals between them may bound the set.
         let differ = |a: Trace, b: Trace| a.candidate != b.candidate;
         for (a, b) in [(start, middle), (middle, end)] {
             if any || differ(a, b) || self.skips(a, b) {

@@ -30,7 +30,7 @@ pub(super) fn candidates(
 }
 
 /// Appends the ends of the paths that follow `first` and then take the rates of `last`, for all
-/// switching times: from the end of `last` to the end of `first`.
+/// switching times. The curve runs from the end of `last` to the end of `first`.
 fn one_switch(
     first: &Path,
     last: &Path,
@@ -49,8 +49,8 @@ fn one_switch(
         }
         let remaining = end - last.point(step);
         let length = remaining.norm_sqr().sqrt();
-        // x″ is the sum of −width²·remaining, which is perpendicular to the curve, and
-        // −i·width·(direction of `last`), of which only the perpendicular component counts.
+        // The second derivative is the sum of −width²·remaining, which is perpendicular to the curve,
+        // and −i·width·(direction of `last`), of which only the perpendicular component counts.
         let ahead = last.facing(step).conj() * remaining;
         let slant = (ahead.im / length).abs() + (width + other.rate.abs()) * step_s;
         let bend = width * (width * (length + step_s) + slant);

@@ -1,10 +1,11 @@
 //! The ordered family of extremals that form the front if driving straight is not always admissible.
 //!
 //! Traced backward from the end, the extremals start side by side (φ rising, p = 0) and keep their
-//! order. Where straight is admissible, one of them may run with φ = 0 and p = 0: the *singular*
-//! extremal. At each instant, an extremal may leave it to either side, so a *fan* of extremals emanates
-//! from it. Traced backward, the singular extremal begins at the last instant at which an extremal
-//! reaches φ = 0 and p = 0 while straight is admissible. It stops where straight is not admissible.
+//! order. Where driving straight is admissible, one of them may run with φ = 0 and p = 0. It is the
+//! *singular* extremal. At each instant, an extremal may leave it to either side, so a *fan* of
+//! extremals emanates from it. Traced backward, the singular extremal begins at the last instant at
+//! which an extremal reaches φ = 0 and p = 0 while driving straight is admissible. It stops where
+//! driving straight is not admissible.
 
 use super::super::budget::Budget;
 use super::super::paths::Paths;
@@ -19,7 +20,7 @@ use nalgebra::Complex;
 pub(super) struct Piece {
     pub(super) from: f64,
     pub(super) to: f64,
-    /// The instant at which its extremals are side by side.
+    /// The instant at which the parameter defines the extremals.
     origin: PathTime,
     kind: Kind,
 }
@@ -31,7 +32,7 @@ enum Kind {
     /// The extremal turns at `rate` for the first `parameter` seconds, and then runs straight along the
     /// singular extremal. `rest` is the remaining distance at the origin if the whole step is straight.
     Fan { rate: f64, rest: f64 },
-    /// Between two extremals that are about to diverge. The parameter is the fraction of the way.
+    /// Between two extremals that are about to diverge. The parameter is the interpolation fraction.
     Between { first: Costate, last: Costate },
 }
 
@@ -65,7 +66,8 @@ impl Piece {
         Neighbours { first, last, at: self.origin }
     }
 
-    /// Its first extremal and the last one of the piece to the left, at the earlier of the two origins.
+    /// The first extremal of this piece and the last one of the piece to its left, at the earlier of
+    /// the two origins.
     pub(super) fn neighbours(&self, left: &Self, paths: &Paths) -> Neighbours {
         let at = if self.origin < left.origin { self.origin } else { left.origin };
         Neighbours { first: self.at(paths, at, self.from), last: left.at(paths, at, left.to), at }
@@ -127,15 +129,16 @@ struct Onset {
     place: usize,
     /// Seconds from the beginning of the step to the onset.
     seconds: f64,
-    /// The remaining distance at the beginning of the step, if straight until the onset.
+    /// The remaining distance at the beginning of the step, if the path is straight until the onset.
     rest: f64,
 }
 
-/// Half the gap (rad, s or a fraction) around a singular extremal in the family, so that rounding moves
-/// no neighbour to the wrong side.
+/// Half the width of the gap (rad, s or a fraction) that is left around a singular extremal in the
+/// family. The gap prevents rounding errors from moving a neighbour to the wrong side.
 const GAP: f64 = 1e-12;
 
-/// If |p| is at least this (s), rounding moves no neighbour of a singular extremal to the wrong side.
+/// If |p| is at least this (s), rounding errors move no neighbour of a singular extremal to the wrong
+/// side.
 const CLEAR: f64 = 1e-12;
 
 /// The extremal that becomes singular in `step`, if any. Splits the family there. Driving straight
@@ -149,7 +152,7 @@ fn onset(paths: &Paths, step: usize, family: &mut Vec<Piece>) -> Option<Onset> {
         .position(|piece| value(piece, piece.from) >= 0.0 && value(piece, piece.to) < 0.0);
     let mut place = match inside {
         Some(place) => split(paths, step, family, place),
-        // In the gap between two pieces.
+        // The extremal lies in the gap between two pieces.
         None => {
             1 + family.windows(2).position(|pair| {
                 value(&pair[0], pair[0].to) >= 0.0 && value(&pair[1], pair[1].from) < 0.0
@@ -172,7 +175,7 @@ fn onset(paths: &Paths, step: usize, family: &mut Vec<Piece>) -> Option<Onset> {
     }
     let (left, right) = (&family[place - 1], &family[place]);
     let [above, below] = [left.at(paths, end, left.to), right.at(paths, end, right.from)];
-    // If the rate on one side is zero, the value jumps there, and possibly no extremal becomes
+    // If the bound on one side is zero, `p_at_zero` jumps there, and possibly no extremal becomes
     // singular.
     let [more, less] = [above, below].map(|costate| p_at_zero(costate, bounds).abs());
     if more.min(less) > NEAR && more.max(less) == f64::INFINITY {

@@ -3,14 +3,14 @@
 //! In a state with position p and heading ψ, a point c of the vehicle (in the vehicle's frame) is at
 //! p + e^{iψ}c. If no admissible path takes *this body point* there, no path leads to the state. The
 //! reachable positions of the body point again form a planar set, and `outer` encloses this set by
-//! construction. So one suitable body point is a proof.
+//! construction. So one suitable body point is enough for a proof.
 //!
 //! The body point is guessed from the curves of `slice`; a bad guess cannot prove anything false. Let
 //! d(p, ψ) be the distance from the curves, and λ the direction in which d grows. Consider all states
-//! with the body point at the same place q: heading φ and position q − e^{iφ}c. All of them must be
-//! outside, so d must not change to first order among them. Hence the component of e^{iψ}c across λ is
-//! −∂d/∂ψ. The component along λ bends the states outward. If boundary paths switch on a line along λ,
-//! the body point lies between the two switches.
+//! whose body point is at one place q. A state with heading φ then has the position q − e^{iφ}c. All
+//! these states must be outside, so d must not change to first order among them. Hence the component of
+//! e^{iψ}c across λ is −∂d/∂ψ. The component along λ bends the curve of these states outward. If
+//! boundary paths switch on a line along λ, the body point lies between the two switches.
 
 use super::super::budget::Budget;
 use super::super::outer::{Outer, Request};
@@ -34,9 +34,9 @@ pub(super) struct Claim {
     pub(super) start_heading: f64,
 }
 
-/// For each guess: the component of e^{iψ}c along λ and the offset of its component across λ, as
-/// fractions of the travel time; and the accuracy, as a fraction of `excess` (the distance from the
-/// curves minus `near`).
+/// The guesses. The first number is the component of e^{iψ}c along λ, and the second is an offset of
+/// the component across λ. Both are fractions of the travel time. The third number is the accuracy, as
+/// a fraction of `excess` (the distance from the curves minus `near`).
 const GUESSES: [[f64; 3]; 12] = [
     [0.5, 0.0, 1.0],
     [0.25, 0.0, 1.0],
@@ -58,7 +58,7 @@ const SMALL: f64 = 1e-4;
 /// Largest number of time intervals in a proof.
 const MOST_PIECES: usize = 200;
 
-/// Smaller distances (s) are not resolved.
+/// Distances below this (s) are not resolved.
 const FINEST: f64 = 1e-6;
 
 /// Searches for proofs and reuses its buffers.
@@ -70,8 +70,8 @@ pub(super) struct Prover {
 
 impl Prover {
     /// Tries to prove that no path of `steps` steps leads to a state within the distances of `claim`.
-    /// Returns whether it succeeded. Each guess subtracts one from `trials`. There are no more guesses
-    /// when `trials` is 0 or the budget is spent.
+    /// Returns whether it succeeded. Each guess subtracts one from `trials`. The method gives up when
+    /// `trials` is 0 or the budget is spent.
     pub(super) fn proves(
         &mut self,
         paths: &Paths,

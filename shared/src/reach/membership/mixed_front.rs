@@ -1,15 +1,16 @@
 //! The front of a slice if driving straight is admissible only in some steps.
 //!
-//! For each direction α, the path with the largest ∫cos(θ − α) is found, among the paths with a
-//! constant turn rate in each part of a step. Dynamic programming needs no table if the integrand is
-//! concave: the value function (the gain that is still possible from part k on) has its maximum at one
-//! heading, and the best path turns as far as possible toward the maximum of the next part.
+//! For each direction α, dynamic programming finds the path with the largest ∫cos(θ − α), among the
+//! paths with a constant turn rate in each part of a step. It needs no table if the integrand is
+//! concave, because the value function (the gain that is still possible from part k on) then has its
+//! maximum at one heading. The best path turns as far as possible toward the maximum of the next part.
 //!
 //! The cosine is replaced by the parabola −w(θ − α)²/2, up to a constant. The slope of the value
 //! function is then linear between a few knots. From part to part, the knots below the maximum move by
-//! the highest turn and the knots above it by the lowest turn, so each part costs only a few operations.
-//! With w = sin φ/φ at the path found last, where φ = θ − α, the parabola touches the cosine from below.
-//! So each round gains, and the rounds converge to the best path.
+//! the highest turn and the knots above it by the lowest turn, so each part costs only a few
+//! operations. The weight is w = sin φ/φ for φ = θ − α on the path found last. With this weight, the
+//! parabola touches the cosine from below. So each round improves the path, and the rounds converge to
+//! the best path.
 
 use super::buffer::Buffer;
 use super::parts::Parts;
@@ -36,7 +37,8 @@ pub(super) struct MixedFront<'a> {
 struct Stretch {
     /// Width of the range (rad).
     length: f64,
-    /// How fast the slope falls as the heading rises, minus the sum of the weights added before.
+    /// As the heading rises, the slope falls at a rate of `fall` plus the sum of all weights added so
+    /// far.
     fall: f64,
 }
 
@@ -71,7 +73,7 @@ impl<'a> MixedFront<'a> {
         Self { parts, scratch: RefCell::new(scratch) }
     }
 
-    /// The directions of the lowest and the highest path.
+    /// The directions α that belong to the lowest and the highest path.
     pub(super) fn directions(&self) -> (f64, f64) {
         let parts = &self.parts;
         // `low` and `high` bound the headings after each part that are reachable from the start and
@@ -98,7 +100,7 @@ impl<'a> MixedFront<'a> {
 }
 
 impl Scratch {
-    /// Fills in the best headings for the parabolas with these weights.
+    /// Fills in the best headings for parabolas with the current weights.
     fn find_best(&mut self, parts: &Parts<'_>, direction: f64) {
         let Self { best, weights, below, above, .. } = self;
         let last = parts.count - 1;

@@ -1,16 +1,16 @@
 //! The rear of a slice where paths with more than two switches stay farther back.
 //!
-//! The goal is to find the path that ends farthest out in a direction, on the line in this direction
-//! through the queried position. The conditional-gradient method (Frank and Wolfe 1956) starts from the
-//! window's path that ends nearest to the position. Each round computes, to first order, how turning in
-//! each part of the horizon moves the end. The parts beyond a switching line get the highest rate, as
-//! many as the end heading requires, and the other parts get the lowest rate. The direction of the
-//! switching line is chosen so that the path ends on the line through the position. Because a concave
-//! function is minimised, a round gains more than its first-order estimate.
+//! The goal is to find the path that ends on a line through the queried position, as far out along the
+//! line as possible. The conditional-gradient method (Frank and Wolfe 1956) starts from the window's
+//! path that ends nearest to the position. Each round computes, to first order, how turning in each
+//! part of the horizon moves the end. The parts beyond a switching line get the highest rate, as many
+//! as the end heading requires. The other parts get the lowest rate. The direction of the switching
+//! line is chosen so that the path ends on the line through the position. Because a concave function is
+//! minimised, a round gains more than its first-order estimate.
 //!
-//! The improved path and the window's paths on both sides of the nearest path form a loop: all paths
-//! that interpolate the headings of two of them are admissible, so the loop consists of reachable
-//! positions.
+//! The improved path and the window's paths on both sides of the nearest path form a loop. All paths
+//! that interpolate the headings of two of these paths are admissible, so the loop consists of
+//! reachable positions.
 
 use super::super::budget::Budget;
 use super::super::paths::unit;
@@ -30,7 +30,8 @@ const LEAST_GAIN: f64 = 1e-6;
 /// gain. It is used only if the search has a target distance.
 const MOST_GROWTH: f64 = 30.0;
 
-/// Beyond this tilt (rad) from the direction of interest, the switching line is not tilted further.
+/// If the tilt from the direction of interest exceeds this (rad), the switching line is not tilted
+/// further.
 const MOST_TILT: f64 = 1.3;
 
 /// Initial step of the search for the tilt (rad).
@@ -49,10 +50,10 @@ const MOST_TRIALS: usize = 24;
 /// Cost of a trial per part of the path, in units of a [`Budget`].
 const TRYING: usize = 8;
 
-/// Ends less than this far (s) to the side of the line count as on the line.
+/// Ends less than this (s) to the side of the line count as on the line.
 const ON_LINE: f64 = 1e-5;
 
-/// The loop of three paths and the paths interpolated between them. The parameter is 0 and 3 for the
+/// The loop of three paths and the paths interpolated between them. The parameter is 0 or 3 for the
 /// first path, 1 for the second and 2 for the third.
 pub(super) struct Loop<'a> {
     parts: Parts<'a>,
@@ -66,7 +67,7 @@ pub(super) struct Knot {
     point: Complex<f64>,
 }
 
-/// How far turning more in a part moves the end (up to a constant), and the index of the part.
+/// How far turning more in a part moves the end outward (up to a constant), and the index of the part.
 type Rank = (f64, usize);
 
 impl<'a> Loop<'a> {
@@ -237,7 +238,7 @@ impl Arc for Loop<'_> {
         (knot.place, knot.point)
     }
 
-    /// Between two paths whose headings differ by δ, the second derivative is at most ∫δ².
+    /// Between two paths whose headings differ by δ, the second derivative of the curve is at most ∫δ².
     fn deviation(&self, a: Knot, b: Knot) -> f64 {
         let (first, second, _) = self.knot_between(a.place.min(b.place));
         // δ is linear in time within each part. So ∫δ² is at most the sum of δ² at the ends of the

@@ -108,7 +108,7 @@ impl<'a> Origins<'a> {
         if away.is_nan() || away > reach * reach || !self.heading.is_finite() {
             return Membership::Outside;
         }
-        // Half of the budget is for proofs.
+        // Half of the budget is set aside for proofs.
         let rest = self.budget.set_aside(2);
         let found = self.cells(half).any(|(cell, heading)| self.any_of(cell, heading));
         self.budget.give_back(rest);
@@ -129,8 +129,8 @@ impl<'a> Origins<'a> {
         if outside { Membership::Outside } else { Membership::Open }
     }
 
-    /// One cell for each number of whole turns in the state's heading, with the start headings that are
-    /// possible for it; and the state's heading, not wrapped.
+    /// For each possible number of whole turns in the state's heading, returns a cell with the possible
+    /// start headings, and the state's heading with these turns (not wrapped).
     fn cells(&self, half: [f64; 2]) -> impl Iterator<Item = (Cell, f64)> {
         let most = self.set.start_set.heading_rad;
         let (low, high) = self.set.end_headings(self.step);

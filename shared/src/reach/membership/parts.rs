@@ -7,7 +7,7 @@ use nalgebra::Complex;
 /// Number of parts of a step.
 pub(super) const PARTS: usize = 4;
 
-/// The steps from the first to the last one with a choice, divided into parts.
+/// The steps from the first to the last one in which the bounds leave a choice, divided into parts.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Parts<'a> {
     paths: &'a Paths,

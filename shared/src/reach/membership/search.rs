@@ -1,5 +1,5 @@
-//! The distance of a curve from a position, and the winding of the curve around it, computed from as
-//! few points of the curve as possible.
+//! The distance of a curve from a position, and its winding number around the position. Both are
+//! computed from as few points of the curve as possible.
 
 use super::super::budget::Budget;
 use super::super::sampling::to_segment;
@@ -35,8 +35,8 @@ pub(super) struct Search<'a> {
     pub(super) point: Complex<f64>,
     /// The search ends when it finds a point at this distance or nearer.
     enough: f64,
-    /// Crossings of the curves with the ray to the right of the position: upward minus downward.
-    /// Meaningless once `found()` is true.
+    /// Signed crossings of the curves with the ray to the right of the position: the number of upward
+    /// crossings minus the number of downward crossings. Meaningless once `found()` is true.
     pub(super) crossings: i32,
 }
 
@@ -83,7 +83,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Counts a crossing of the gap between two points that differ by a rounding error.
+    /// Counts the crossing of the ray with the small gap between the ends of two curves.
     pub(super) fn join(&mut self, from: Complex<f64>, to: Complex<f64>) {
         self.crossings += crossing(self.position, from, to);
     }
@@ -142,8 +142,8 @@ fn crossing(position: Complex<f64>, start: Complex<f64>, end: Complex<f64>) -> i
     }
 }
 
-/// Upper bound on the distance from its chord of a curve that turns in one direction only, by `turn`
-/// (rad).
+/// Upper bound on the distance between a curve and its chord. The curve must turn in one direction
+/// only, by `turn` (rad) in total.
 pub(super) fn deviation_of_turn(a: Complex<f64>, b: Complex<f64>, turn: f64) -> f64 {
     if turn.abs() > 1.0 {
         return f64::INFINITY;

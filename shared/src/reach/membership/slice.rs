@@ -8,12 +8,12 @@
 //! * **front**: paths that turn toward a direction at full rate, go straight, and turn to ψ at full rate
 //!   (if driving straight is not always admissible, see `mixed_front`).
 //!
-//! If every step turns left, the paths of the window of lo get farthest; if every step turns right, the
-//! paths of the window of hi. Otherwise both windows are rears, and paths with more switches may stay
-//! even farther back (`multi_switch`). By Pontryagin's principle the rate is hi on the left of some line
-//! and lo on its right; for constant bounds see Patsko, Pyatko and Fedotov 2003, "Three-dimensional
-//! reachability set for a nonlinear control system". Lengths are in seconds of travel, in the
-//! human's frame.
+//! If every step turns left, the paths of the window of lo get farthest. If every step turns right, the
+//! paths of the window of hi get farthest. Otherwise both windows are rears, and paths with more
+//! switches may stay even farther back (`multi_switch`). By Pontryagin's principle the rate is hi on
+//! the left of some line and lo on its right; for constant bounds see Patsko, Pyatko and Fedotov 2003,
+//! "Three-dimensional reachability set for a nonlinear control system". Lengths are in seconds of
+//! travel, in the human's frame.
 
 use super::super::budget::Budget;
 use super::super::paths::{Path, Paths, unit};
@@ -29,9 +29,9 @@ use nalgebra::Complex;
 pub(super) struct Slice<'a> {
     budget: &'a Budget<'a>,
     span: Span<'a>,
-    /// Difference of the end heading under the highest rates throughout and this end heading (rad).
+    /// The end heading under the highest rates throughout minus this end heading (rad).
     below_high: f64,
-    /// Difference of this end heading and the end heading under the lowest rates throughout (rad).
+    /// This end heading minus the end heading under the lowest rates throughout (rad).
     above_low: f64,
     kind: Kind,
 }
@@ -300,9 +300,9 @@ impl<'a> Slice<'a> {
         self.instant(turn, |step| high.heading(step) - low.heading(step))
     }
 
-    /// The moment at which a quantity reaches `value`, or the nearer end of the steps with a choice if it
-    /// does not. The quantity never decreases. It is linear between its values `at` the beginning of
-    /// each step.
+    /// The moment at which a quantity reaches `value`, or the nearer end of the steps with a choice if
+    /// it never reaches `value`. The quantity never decreases. It is linear between its values `at` the
+    /// beginning of each step.
     fn instant(&self, value: f64, at: impl Fn(usize) -> f64) -> Moment {
         let (mut first, mut last) = (self.span.first, self.span.last);
         // Invariant: at(first) ≤ value < at(last), if there are such steps.

@@ -38,7 +38,7 @@ impl Corner {
         Self { point: self.point * by, edge }
     }
 
-    /// Rotates it about the origin, then moves it.
+    /// Rotates the corner about the origin, then translates it.
     pub(super) fn place(&mut self, turned: Point, moved: Point) {
         self.point = self.point * turned + moved;
         if let Edge::Arc { centre, .. } = &mut self.edge {
@@ -87,7 +87,7 @@ pub(super) fn crossings(e: (Edge, Point, Point), f: (Edge, Point, Point)) -> [Op
     }
 }
 
-/// Appends an arc of this width (rad) about the origin, without its end.
+/// Appends an arc of angle `width` (rad) about the origin, without its end point.
 pub(super) fn arc(from: Point, to: Point, width: f64, left: bool, corners: &mut Vec<Corner>) {
     if from.norm_sqr() < NOTHING || width <= 0.0 && from == to {
         return;

@@ -6,7 +6,7 @@ use super::edges::{Corner, Edge, cross};
 use super::{MOST_CORNERS, Point};
 use crate::math::{PI, atan2};
 
-/// [`coarsen`] doubles its tolerance at most this often.
+/// [`coarsen`] doubles its tolerance at most this many times.
 const MOST_DOUBLINGS: u32 = 6;
 
 /// Replaces `boundary` by a polygon that encloses the curve and exceeds it by at most `tolerance`. Its
@@ -79,7 +79,8 @@ pub(super) fn loosen(boundary: &mut Vec<Point>, scratch: &mut Vec<Point>, tolera
                 let turn = cross(ab, bc);
                 let chord = c - a;
                 let forward = |edge: Point| (edge * chord.conj()).re > 0.0;
-                // Compares the height of b over the chord from a to c. The tip of a spike stays.
+                // The height of b over the chord from a to c must be within the tolerance. The tip of a
+                // spike stays.
                 if turn <= 0.0
                     && forward(ab)
                     && forward(bc)

@@ -6,10 +6,11 @@
 //! the origin, in the direction of increasing angle, the winding number rises where the curve crosses
 //! the circle outward and falls where the curve crosses it inward. Rotate all outward crossings by −α
 //! and all inward crossings by +α. Then the winding number at each angle is at least the old winding
-//! number at *any* angle up to α away, and it is 0 if all of these were 0. So the curve is divided into
-//! [`Chain`]s at the extremes of the distance from the origin. Chains that recede from the origin are
-//! rotated to the right and the others to the left, and arcs about the origin connect them. The new
-//! curve winds at least once around each position of the union, and around no other position.
+//! number at *any* angle up to α away, and it is 0 if the old winding number was 0 at all these angles.
+//! So the curve is divided into [`Chain`]s at the extremes of the distance from the origin. Chains that
+//! recede from the origin are rotated to the right and the others to the left, and arcs about the
+//! origin connect them. The new curve winds at least once around each position of the union, and around
+//! no other position.
 //!
 //! If two neighbouring chains overlap after the rotation, both are removed up to their crossing. The
 //! area that they enclosed then counts once instead of twice.
@@ -54,7 +55,7 @@ struct Extreme {
     far: bool,
     /// Whether an arc connects the chains. Otherwise the chains meet or have been removed.
     connects: bool,
-    /// The beginning and the end of the arc, if part of it was cut off there.
+    /// The beginning and the end of the arc. Each is set only if the arc was cut off there.
     from: Option<Point>,
     to: Option<Point>,
 }
@@ -73,7 +74,8 @@ pub(super) struct Curve {
 
 impl Curve {
     /// Replaces the curve by a curve around the union of all its rotations about the origin by at most
-    /// `angle` to either side. Returns the number of extremes of the distance that it had.
+    /// `angle` to either side. Returns the number of extremes of the distance from the origin that the
+    /// old curve had, or 0 if the result is a full circle.
     pub(super) fn sweep(&mut self, angle: f64) -> usize {
         self.divide();
         self.find_extremes();

@@ -28,7 +28,7 @@ pub(super) enum Base<'a, T> {
 pub(super) struct Range<T> {
     /// The smallest value of the target so far. V of a tube is never below it, since a path's value
     /// is the target's value at a point of the path, or a larger obstacle value. Higher-order
-    /// schemes undershoot a little.
+    /// schemes undershoot it slightly.
     pub(super) lowest: T,
     /// Bounds that no scheme exceeds in one stage. If a value is beyond them, the game is wrong or
     /// the number type overflows.
@@ -39,17 +39,18 @@ pub(super) struct Range<T> {
 pub(super) struct Stage<'a, T, const D: usize> {
     pub(super) layout: &'a Layout<D>,
     pub(super) tables: &'a Tables<T, D>,
-    /// By axis, the factor of the differences between neighbours.
+    /// For each axis, the factor that converts differences between neighbours to scaled
+    /// derivatives.
     pub(super) units: [T; D],
-    /// If there is an obstacle: by axis, the difference between neighbours above which there is a
-    /// jump.
+    /// If there is an obstacle: for each axis, the difference between neighbours above which V
+    /// jumps.
     pub(super) steep: Option<[T; D]>,
     /// For obstacles with jumps that are lower than `steep`: positive near these jumps.
     pub(super) near: Option<&'a [T]>,
     /// Whether V can jump because the obstacle does.
     pub(super) jumps: bool,
-    /// Half the scale of the data, for the mean of the two derivatives (negative in a forward
-    /// march) and for their difference.
+    /// Half the scale of the data. `half_mean` multiplies the sum of the two derivatives and is
+    /// negative in a forward march; `half_difference` multiplies their difference.
     pub(super) half_mean: T,
     pub(super) half_difference: T,
     pub(super) time_step: T,
@@ -80,16 +81,17 @@ impl<T: Copy, const D: usize> Clone for Stage<'_, T, D> {
 }
 impl<T: Copy, const D: usize> Copy for Stage<'_, T, D> {}
 
-/// The slices that a stage writes: those from `first` on.
+/// The slices that a task writes, beginning with slice `first`.
 pub(super) struct Part<'a, 'b, T, const D: usize> {
     pub(super) first: usize,
     pub(super) slices: &'b mut [T],
-    /// By axis.
+    /// The ghosts of each axis.
     pub(super) ghosts: [Ghosts<'a>; D],
 }
 
-/// What the march needs of a game and a scheme. Only the kernels behind this trait are compiled for
-/// each game and scheme; the rest of the solver is compiled once for each number type and dimension.
+/// The operations of a game and a scheme that the march needs. Only the kernels behind this trait
+/// are compiled for each game and scheme; the rest of the solver is compiled once for each number
+/// type and dimension.
 pub(super) trait Moves<T, const D: usize>: Sync {
     /// See [`Stencil::REACH`].
     fn reach(&self) -> usize;
@@ -240,26 +242,27 @@ struct Scratch<T, const D: usize> {
     moved: [T; BLOCK],
 }
 
-/// Left derivatives of nodes that are computed later. A face yields them along with the right
-/// derivative of the node before it.
+/// Left derivatives at nodes that are computed later. A face gives the left derivative at the node
+/// after it together with the right derivative at the node before it.
 struct Carried<T, const D: usize> {
-    /// By axis, at the position of each node in its slice.
+    /// For each axis, the left derivatives by the node's position in its slice.
     lefts: [Vec<T>; D],
-    /// The left derivatives of the next slice along axis 0. Without loop axes, there is only one
-    /// slice.
+    /// The left derivatives of the next slice along axis 0. Empty if there are no loop axes, since
+    /// there is then only one slice.
     next: Vec<T>,
 }
 
 impl<T: Real, const D: usize> Carried<T, D> {
     #[inline(always)]
     fn new(layout: &Layout<D>) -> Self {
-        // Space for a whole block behind the last cell, and for the faces behind the block.
+        // Includes space for a whole block after the last cell, and for the faces after the block.
         let array = |stride: usize| vec![T::ZERO; layout.slice_length() + stride + BLOCK];
         let next = if Layout::<D>::LOOP_AXES > 0 { array(0) } else { Vec::new() };
         Self { lefts: layout.strides.map(|stride| array(stride.min(layout.slice_length()))), next }
     }
 
-    /// The storage for the left derivatives from the faces behind a block that starts at `here`.
+    /// The storage for the left derivatives at the nodes that follow, along axis `d`, the nodes of
+    /// a block that starts at `here`.
     #[inline(always)]
     fn behind(&mut self, d: usize, here: usize, layout: &Layout<D>) -> &mut [T; BLOCK] {
         if d == 0 && Layout::<D>::LOOP_AXES > 0 {
@@ -276,7 +279,7 @@ impl<T: Real, const D: usize> Carried<T, D> {
     }
 }
 
-/// The nodes around the `i`-th face of a block, numbered from −2 to 3.
+/// The values at the nodes around the `i`-th face of a block. The nodes are numbered from −2 to 3.
 #[inline(always)]
 fn node<T: Real>(rows: [&[T; BLOCK]; 6], i: usize) -> impl Fn(isize) -> T {
     move |k| rows[(k + 2) as usize][i]
@@ -290,7 +293,7 @@ fn is_steeper<T: Real, S: Stencil>(value: impl Fn(isize) -> T, most: T) -> bool 
 }
 
 impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Step<'_, T, D, G, S> {
-    /// Computes the left derivatives of a run's first cells, along each axis on which these cells
+    /// Computes the left derivatives at a run's first cells, along each axis on which these cells
     /// are the first nodes. Along axis 0, only the first slice of a task needs this.
     #[inline(always)]
     fn enter(
@@ -321,7 +324,8 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Step<'_, T, D, G, S> {
                 carried.lefts[d][offset] = if is_plain { plain } else { left };
                 continue;
             }
-            // The excess of the last block is recomputed before it is read.
+            // The last block extends beyond `count`. The entries there are recomputed before they
+            // are read.
             for start in (0..count).step_by(BLOCK) {
                 let lefts = block_mut(&mut carried.lefts[d], offset + start);
                 self.faces(d, at + start, &mut scratch.rights[d], lefts);
@@ -329,8 +333,8 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Step<'_, T, D, G, S> {
         }
     }
 
-    /// Computes, along axis `d`, the right derivatives of the nodes from `at` on and the left
-    /// derivatives of the nodes behind them.
+    /// Computes a block of derivatives along axis `d`: the right derivatives at the nodes from `at`
+    /// on, and the left derivatives at the nodes that follow these nodes along the axis.
     #[inline(always)]
     fn faces(&self, d: usize, at: usize, rights: &mut [T; BLOCK], lefts: &mut [T; BLOCK]) {
         let stride = self.layout.strides[d];
@@ -347,7 +351,8 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Step<'_, T, D, G, S> {
         }
     }
 
-    /// Replaces the derivatives at faces across jumps by the slopes between their two nodes.
+    /// At each face across a jump, replaces the derivatives by the slope between the face's two
+    /// nodes.
     #[inline(always)]
     fn flatten(&self, d: usize, at: usize, steep: T, [rights, lefts]: [&mut [T; BLOCK]; 2]) {
         let stride = self.layout.strides[d];

@@ -13,12 +13,13 @@ pub(super) struct Layout<const D: usize> {
     pub(super) reach: usize,
     pub(super) nodes: [usize; D],
     pub(super) strides: [usize; D],
-    /// Number of entries in an array, including space for the excess of the last block.
+    /// Number of entries in an array, including space for the part of the last block that lies
+    /// after the last cell.
     pub(super) length: usize,
 }
 
 impl<const D: usize> Layout<D> {
-    /// The number of axes that form one run of cells. The other axes are loops.
+    /// The number of axes that form one run of cells. The other axes are the loop axes.
     const RUN_AXES: usize = if D >= 3 { 2 } else { 1 };
     pub(super) const LOOP_AXES: usize = D - Self::RUN_AXES;
 
@@ -86,7 +87,7 @@ pub(super) enum Ghosts<'a> {
     Of(Boundary),
     /// The mirror image at the low end, extrapolated values at the high end.
     Mirrored {
-        /// Whether the first node is the middle.
+        /// Whether the first node is the middle of the whole axis.
         centred: bool,
         /// The index of each cell in a row, and the index of its mirror image.
         cells: &'a [(usize, usize)],
@@ -162,8 +163,8 @@ fn wrapped(reach: usize, nodes: usize) -> impl Iterator<Item = (usize, usize)> {
     })
 }
 
-/// Fills the ghosts of a periodic row of single entries, for which `copy_within` would take longer
-/// than a stage's arithmetic.
+/// Fills the ghosts of a periodic axis with a stride of 1. Copying single entries with
+/// `copy_within` would take longer than a stage's arithmetic.
 #[inline(always)]
 fn wrap<T: Copy>(line: &mut [T], reach: usize, nodes: usize) {
     for (from, to) in wrapped(reach, nodes) {
@@ -173,7 +174,8 @@ fn wrap<T: Copy>(line: &mut [T], reach: usize, nodes: usize) {
 
 /// Fills the `k`-th row of ghosts beyond the row `edge`, whose inner neighbours are `inner` and
 /// `deeper`. If V has `jumps`, values below 0 use the smaller of the two slopes at the edge. Beside
-/// a wall, the first slope is the jump, and values that are far too low would enter from outside.
+/// a wall, the first slope is the jump. With this slope, values that are far too low would enter
+/// from outside.
 #[inline(always)]
 fn extend<T: Real>(ghosts: &mut [T], [edge, inner, deeper]: [&[T]; 3], k: usize, jumps: bool) {
     for (((ghost, edge), inner), deeper) in ghosts.iter_mut().zip(edge).zip(inner).zip(deeper) {

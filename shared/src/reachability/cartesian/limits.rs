@@ -25,8 +25,8 @@ pub(super) struct Limits<T> {
     pub(super) jumps: bool,
     /// Whether the target's slope has hidden some of these jumps.
     hides_jumps: bool,
-    /// [`NEAR`] at the nodes of hidden jumps, and one less for each cell away from them. Empty if
-    /// no jumps are searched for.
+    /// [`NEAR`] at the nodes of hidden jumps, decreasing by one for each cell of distance from
+    /// them. Empty if the march does not search for jumps.
     near: Vec<T>,
     /// The target's steepest slope at the beginning.
     pub(super) slope: f64,
@@ -35,8 +35,8 @@ pub(super) struct Limits<T> {
 }
 
 impl<T: Real> Limits<T> {
-    /// The limits for a target with these values. With `ceiling`, V may not exceed these values.
-    /// `near` is empty or as long as `target`.
+    /// The limits for a target with these values. If `ceiling` is set, V may not exceed it. `near`
+    /// is empty or as long as `target`.
     pub(super) fn new<const D: usize>(
         target: &[T],
         layout: &Layout<D>,
@@ -61,16 +61,17 @@ impl<T: Real> Limits<T> {
         self.hides_jumps.then_some(&self.near[..])
     }
 
-    /// By axis, the difference between neighbours that is far steeper than the target's slope.
+    /// For each axis, the difference between neighbours above which a slope is far steeper than the
+    /// target's steepest slope.
     pub(super) fn steep<const D: usize>(&self, grid: &Grid<D>) -> [f64; D] {
         grid.axes.map(|axis| STEEP * self.slope * axis.spacing())
     }
 
     /// Caps an obstacle at M, the largest magnitude of the target. A path's value is `max(l, g)`,
-    /// with l the target at its end and g the highest obstacle on it. Since l ≤ M,
-    /// `max(l, min(g, M)) = min(max(l, g), M)`. So V becomes min(V, M) and keeps its sign.
-    /// Otherwise, obstacle values far above the target's (used for "never") would round the
-    /// target's values away, and the error would enter V.
+    /// where l is the target at the path's end and g is the highest obstacle on the path. Since
+    /// l ≤ M, `max(l, min(g, M)) = min(max(l, g), M)`. So V becomes min(V, M) and keeps its sign.
+    /// Without the cap, obstacle values far above the target's (used for "never") would cause
+    /// rounding errors as large as the target's values, and these errors would enter V.
     pub(super) fn cap_floor(&mut self) {
         let cap = T::from_f64(self.largest());
         let mut is_capped = false;
@@ -87,11 +88,11 @@ impl<T: Real> Limits<T> {
         if largest > 0.0 { largest } else { f64::INFINITY }
     }
 
-    /// The lowest value of a tube, and the range that one stage can reach. Neighbours, including
-    /// ghosts, differ by at most the range R of the data, and second differences are at most 2 R.
-    /// With the coefficients of ENO3 and WENO5, no one-sided derivative exceeds (1 + 14/6) R over
-    /// the spacing. A stage moves V by at most Δt Σ speed (|mean of the two derivatives| + |half of
-    /// their difference|), and Δt Σ speed/Δx is at most `cfl`.
+    /// The lowest value of a tube, and the range of values that one stage can reach. Neighbours,
+    /// including ghosts, differ by at most the range R of the data, and second differences are at
+    /// most 2 R. With the coefficients of ENO3 and WENO5, no one-sided derivative exceeds
+    /// (1 + 14/6) R/Δx, with the spacing Δx. A stage moves V by at most Δt Σ speed (|mean of the
+    /// two derivatives| + |half of their difference|), and Δt Σ speed/Δx is at most `cfl`.
     pub(super) fn range(&self, cfl: f64) -> Range<T> {
         let lowest = self.seen[0];
         let highest = if self.floor.is_some() { self.largest() } else { self.seen[1] };
@@ -102,11 +103,12 @@ impl<T: Real> Limits<T> {
         Range { lowest: T::from_f64(lowest), possible }
     }
 
-    /// Records whether the obstacle jumps. A jump is a difference between two neighbours, within
-    /// the target's values, that exceeds a quarter of the obstacle's range and four times the
-    /// adjacent differences of the same sign. No slope does so. If a jump is too low to be far
-    /// steeper than the target's steepest slope, that slope hides the jumps of V. This matters only
-    /// in passages. Elsewhere, first order would cost more accuracy than jumps do.
+    /// Records whether the obstacle jumps. The obstacle's values are limited to the target's
+    /// values. A jump is a difference between two neighbours that exceeds a quarter of the
+    /// obstacle's range and four times the adjacent differences of the same sign. No slope
+    /// satisfies both conditions. If a jump is not far steeper than the target's steepest slope,
+    /// that slope hides the jumps of V. Hidden jumps are marked only in passages. Elsewhere, a
+    /// first-order scheme would cost more accuracy than the jumps do.
     pub(super) fn look_for_jumps<const D: usize>(&mut self, nodes: &Nodes<'_, D>) {
         let Some(floor) = &self.floor else { return };
         // A first-order scheme only needs to know whether there are any jumps.
@@ -235,7 +237,8 @@ fn is_flat_line<T: Real, const D: usize>(
 /// Number of independent accumulators.
 const LANES: usize = 16;
 
-/// The largest difference of corresponding values, each raised to at least `least`.
+/// The largest difference between corresponding values, after raising each value to at least
+/// `least`.
 fn largest_difference<T: Real>(one: &[T], other: &[T], least: T) -> T {
     let difference = |a: T, b: T| (a.larger(least) - b.larger(least)).abs();
     let mut largest = [T::ZERO; LANES];
@@ -325,11 +328,12 @@ pub(super) fn joined([low, high]: [f64; 2], [other_low, other_high]: [f64; 2]) -
     [low.min(other_low), high.max(other_high)]
 }
 
-/// Beside an obstacle, a slope that is this many times as steep as the others is a jump.
+/// If there is an obstacle, a slope that is more than this many times as steep as the other slopes
+/// is a jump.
 pub(super) const STEEP: f64 = 4.0;
 /// A gap of at most this many nodes between two walls, or between a wall and the end of the grid,
 /// is a passage.
 const PASSAGE: isize = 6;
-/// Faces up to this many cells away from a jump may be of first order although V does not jump
-/// there.
+/// Faces up to this many cells away from a jump may use the first-order scheme although V does not
+/// jump there.
 const NEAR: f64 = 8.0;

@@ -1,4 +1,4 @@
-//! Time steps from the target to the horizon.
+//! Marches V in time steps from the target to the horizon.
 
 use super::super::grid::Grid;
 use super::super::progress::{Progress, SolveError, check_memory};
@@ -34,7 +34,8 @@ struct Marcher<'a, T, const D: usize> {
 }
 
 impl<T: Real, const D: usize> Marcher<'_, T, D> {
-    /// destination ← `base`, combined with `source` advanced by `time_step`.
+    /// Advances `source` by `time_step`, combines the result with `base` and writes it to
+    /// `destination`.
     fn stage(
         &self,
         time_step: f64,
@@ -105,7 +106,8 @@ impl<T: Real, const D: usize> Marcher<'_, T, D> {
         Ok(())
     }
 
-    /// V at the nodes of the whole grid at `time`, row-major, with the obstacle at its full height.
+    /// V at the nodes of the whole grid at `time`, row-major. The obstacle has its full height,
+    /// even if the march caps it.
     fn stored(
         &self,
         value: &[T],
@@ -296,7 +298,8 @@ pub(super) fn march<T: Real, const D: usize>(
     let looks = problem.avoid.is_some() && moves.reach() > 1;
     let reach = if looks { JUMP_REACH } else { moves.reach() };
     let stages = settings.scheme.stages();
-    // The target's values, the obstacle's values, and the proximity of the obstacle's jumps.
+    // The arrays of limits: the target's values, the obstacle's values, and the proximity of the
+    // obstacle's jumps.
     let limits = [problem.kind == Kind::Tube, problem.avoid.is_some(), looks].map(usize::from);
     let padded = problem
         .grid
@@ -412,7 +415,7 @@ pub(super) fn march<T: Real, const D: usize>(
     marcher.check_values(&value, &limits, time)?;
     let values = marcher.stored(&value, &limits, time, &mut first)?;
     let Problem { direction, kind, .. } = *problem;
-    // Without rounding error if the march reached its end.
+    // If the march reached its end, this is the exact horizon, without rounding error.
     let horizon_s = if steps as f64 >= planned { longest } else { steps as f64 * time_step };
     Ok(Solution {
         grid: problem.grid,
@@ -453,7 +456,7 @@ fn check_times<const D: usize>(
 
 /// More time steps than this would take days on any grid.
 const MOST_STEPS: f64 = 1e8;
-/// Fewer cells than this are not worth more than one thread.
+/// A grid with fewer cells than this uses only one thread.
 const SMALL: usize = 50_000;
 /// Number of steps between two measurements of the residual.
 const RESIDUAL_EVERY: usize = 8;

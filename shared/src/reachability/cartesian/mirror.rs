@@ -1,5 +1,5 @@
-//! Reflection symmetry. If the game, the grid, the target and the obstacle have it, one half of the
-//! grid determines the other half.
+//! Reflection symmetry. If the game, the grid, the target and the obstacle have the same symmetry,
+//! one half of the grid determines the other half.
 
 use super::super::grid::{Axis, Boundary, Grid};
 use super::layout::Layout;
@@ -17,7 +17,8 @@ pub(super) struct Mirror<const D: usize> {
 }
 
 impl<const D: usize> Mirror<D> {
-    /// The symmetry of `problem`, if it has one and the half has enough nodes for a stencil of `reach`.
+    /// The symmetry of `problem`. Returns `None` if it has none, or if half of the grid has too few
+    /// nodes for a stencil of `reach`.
     pub(super) fn of(
         problem: &Problem<'_, D, ()>,
         reversed: [bool; D],
@@ -59,8 +60,8 @@ impl<const D: usize> Mirror<D> {
         (0..self.whole.len()).map(node).collect()
     }
 
-    /// For each node of a row over the axes after the halved axis, its position in `layout` and the
-    /// position of its mirror image.
+    /// The nodes that differ only along the axes after the halved axis form a row. For each node of
+    /// a row, returns its position in the row (in `layout`) and the position of its mirror image.
     pub(super) fn cells(&self, layout: &Layout<D>) -> Vec<(usize, usize)> {
         let count: usize = layout.nodes[self.axis + 1..].iter().product();
         let place = |index: [usize; D]| {

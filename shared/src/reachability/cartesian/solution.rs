@@ -24,10 +24,10 @@ use serde::{Deserialize, Serialize};
 /// interpolation error is of third order in the spacing (of second order in the outermost cells of
 /// an axis with ends). The error of the gradient is one order lower. At a kink, the interpolation
 /// never overshoots, and its error is at most a quarter of the spacing times the jump of the slope.
-/// Between two walls, where V bends one way at their feet and the other way at their tops, it is
-/// linear. The interpolated V is continuous. Its gradient is one-sided at nodes and where the
-/// parabolas change. The error of the solver at the nodes is additional. Between stored instants, V
-/// is linear in time.
+/// Between two walls, where the curvature of V has one sign at their feet and the other sign at
+/// their tops, the interpolation is linear. The interpolated V is continuous. Its gradient is
+/// one-sided at nodes and where the parabolas change. The solver's error at the nodes is added to
+/// the interpolation error. Between stored instants, V is linear in time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution<T, const D: usize> {
     /// The nodes.
@@ -131,8 +131,8 @@ impl<T: Real, const D: usize> Solution<T, D> {
 
     /// The time (s) before which no path from a state leaves the grid; infinite if no path ever
     /// does. `None` if the solution's file lacks these times. After a march of at most this time, V
-    /// at the state does not depend on the values beyond the grid's ends. After a longer march, it
-    /// may.
+    /// at the state does not depend on the values beyond the grid's ends. After a longer march, V
+    /// may depend on them.
     ///
     /// This is a lower bound for all inputs of both players. Along each axis, the speed of a path
     /// is bounded by the largest speed bound at any node of the grid with that coordinate, **in
@@ -393,10 +393,11 @@ fn interpolated<T: Real, const D: usize>(
 /// second differences at the edge's ends if both have the same sign, otherwise 0. Beyond the grid's
 /// ends, V continues linearly.
 ///
-/// At the foot of a wall the second difference is large; at its top it is equally large with the
-/// opposite sign. Twice the opposite second difference of a neighbour is subtracted, so that two
-/// walls do not look like a parabola between them. Where V is smooth, neighbouring second
-/// differences of opposite sign are both small, of the order of the spacing cubed.
+/// At the foot of a wall, the second difference is large. At the wall's top, it is equally large
+/// with the opposite sign. If a neighbour's second difference has the opposite sign, twice its
+/// magnitude is subtracted, so that two walls do not look like a parabola between them. Where V is
+/// smooth, neighbouring second differences of opposite sign are both small, of the order of the
+/// spacing cubed.
 fn bend(nodes: [Option<f64>; 6]) -> f64 {
     let second = |k: usize| Some((nodes[k + 1]? - nodes[k]?) - (nodes[k]? - nodes[k - 1]?));
     let (Some(low), Some(high)) = (second(2), second(3)) else {

@@ -27,7 +27,7 @@ impl<const D: usize> Speeds<D> {
         let per_spacing = grid.axes.map(|axis| 1.0 / axis.spacing());
         let mut along = grid.axes.map(|axis| vec![0.0_f64; axis.nodes]);
         let mut index = [0; D];
-        // Positive also for a game without motion, for which any time step is stable.
+        // The rate is positive even for a game without motion, for which any time step is stable.
         let mut fastest = 1e-12_f64;
         'nodes: loop {
             let speeds = speed_bounds(&core::array::from_fn(|d| tables[d][index[d]]));

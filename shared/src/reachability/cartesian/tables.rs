@@ -7,7 +7,7 @@ use crate::real::Real;
 
 /// The game's terms as tables.
 pub(super) struct Tables<T, const D: usize> {
-    /// For the loop axes: by axis and node.
+    /// For the loop axes: the terms by axis and node.
     pub(super) nodes: [Vec<[T; TERMS]>; D],
     /// For the run axes: by axis and term, one entry for each cell of a run.
     pub(super) runs: [[Vec<T>; TERMS]; D],

@@ -1,11 +1,11 @@
 //! The level set {V = c} at one heading, in closed form.
 //!
-//! In the evader's frame, rotated to the mean of the two headings (see
-//! [`Halfway`](super::Halfway)), the set {V ≤ c} is half a disc where the range increases. Where it
-//! decreases, the set is the intersection of two convex regions. One contains the states from which
-//! the range falls to R + c or less if the evader turns right, the other if it turns left. The
-//! boundary of a region is a straight line, an involute of a circle, and a circular arc, one for
-//! each [`Ending`](super::Ending) of the pursuit.
+//! The frame is the evader's frame, rotated to the mean of the two headings (see
+//! [`Halfway`](super::Halfway)). Where the range increases, the set {V ≤ c} is half a disc. Where
+//! the range decreases, the set is the intersection of two convex regions. One region contains the
+//! states from which the range falls to R + c or less if the evader turns right. The other region
+//! is the same for left turns. The boundary of a region consists of a straight line, an involute of
+//! a circle, and a circular arc, one for each [`Ending`](super::Ending) of the pursuit.
 
 use super::{ExactValue, Sheet};
 use crate::invalid::{Invalid, finite};
@@ -51,7 +51,7 @@ impl ExactValue {
         Ok(curve)
     }
 
-    /// [`Self::level_curve`], replacing the contents of `curve`.
+    /// Like [`Self::level_curve`], but replaces the contents of `curve`.
     ///
     /// # Errors
     /// The errors of [`Self::level_curve`]; `curve` is then empty.
@@ -79,8 +79,8 @@ impl ExactValue {
         // The mirror image, as for the left sheet.
         let left = Side { range, sin_half, cos_half: -cos_half, rest: half };
         let flatness = flatness_m / self.turning_radius_m;
-        // The curve is clockwise here and counter-clockwise in the evader's frame, whose y points
-        // to the left.
+        // The points run clockwise in (ahead, right), and therefore counter-clockwise in the
+        // evader's frame, whose y axis points to the left.
         let mut add = |[ahead, right]: [f64; 2]| {
             let [x, y] = super::slope([ahead, right], sin_half, cos_half);
             curve.push([x * self.turning_radius_m, y * self.turning_radius_m]);
@@ -90,8 +90,8 @@ impl ExactValue {
             let (sin, cos) = sin_cos(angle);
             add([range * cos, -range * sin]);
         }
-        // Then along the left sheet to where it leaves the region of the right sheet, and back
-        // along the right sheet.
+        // Then the boundary of the left region, up to the point where it leaves the right region.
+        // Last, the boundary of the right region, backwards.
         let (end, back) = (left.end(&right), right.end(&left));
         let places = left.places(end, flatness).chain([end]);
         for place in [Side::BEGINNING].into_iter().chain(places) {
@@ -105,8 +105,8 @@ impl ExactValue {
 
 /// The boundary of the region where one sheet is at most `range`, from straight ahead to straight
 /// behind. All lengths are in turning radii. The parameter of a boundary point, its *place*, is the
-/// angle of the outward normal from straight ahead (rad). The normal is constant along the straight
-/// line, where the parameter runs from −1 to 0.
+/// angle of the outward normal from straight ahead (rad). Along the straight line, the normal is
+/// constant, so there the place runs from −1 to 0 instead.
 struct Side {
     range: f64,
     sin_half: f64,
@@ -126,8 +126,8 @@ impl Side {
         }
         let (sin, cos) = sin_cos(place);
         if place < self.rest {
-            // The maximum of ahead·cos u + a·sin u − 2u, where its derivative is zero, equals the
-            // range.
+            // At u = `place`, ahead·cos u + a·sin u − 2u equals the range, and its derivative is
+            // zero. These two equations determine the point.
             let radius = self.range + 2.0 * place;
             [radius * cos - 2.0 * sin, radius * sin + 2.0 * (cos + self.cos_half)]
         } else {
@@ -167,8 +167,9 @@ impl Side {
     }
 }
 
-/// Evenly spaced angles from 0 up to, but not including, `end`. Their chords deviate from an arc of
-/// this radius by at most `flatness`, within limits on the spacing.
+/// Evenly spaced angles from 0 up to, but not including, `end`. The chords between them deviate
+/// from an arc of this radius by at most `flatness`, unless the spacing reaches its lower or upper
+/// limit.
 fn places(
     end: f64,
     radius: f64,
@@ -264,7 +265,7 @@ mod tests {
         let game = ExactValue::new(2.0, 0.5, 3.0).unwrap();
         let curve = game.level_curve(PI, 0.0, 0.01).unwrap();
         let reach = curve.iter().map(|p| hypot(p[0], p[1])).fold(0.0, f64::max);
-        // Published: 13.021 m.
+        // The published value is 13.021 m.
         assert!((reach - 13.021).abs() < 5e-4, "{reach}");
     }
 

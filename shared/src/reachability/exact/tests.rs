@@ -20,7 +20,7 @@ fn paper() -> ExactValue {
     ExactValue::new(2.0, 0.5, 3.0).unwrap()
 }
 
-/// The formula as in the reference, to check [`ExactValue::value`].
+/// The formula of the reference, to check [`ExactValue::value`].
 fn plain_value(game: ExactValue, [x, y, psi]: [f64; 3]) -> f64 {
     fn sheet(x: f64, y: f64, psi: f64) -> f64 {
         let (sin_half, cos_half) = sin_cos(0.5 * psi);
@@ -73,8 +73,8 @@ fn spot_values_of_the_reference() {
     assert!((paper().value([30.0, 5.0, 3.5]) - 17.17630).abs() < 5e-6);
 }
 
-/// Vehicles that can hardly turn drive straight on, so the smallest range is that between two
-/// straight motions.
+/// Vehicles that can hardly turn drive straight on, so the smallest range follows from two straight
+/// motions.
 #[test]
 fn vehicles_that_hardly_turn_drive_straight() {
     let mut rng = SeededRng::new(12);

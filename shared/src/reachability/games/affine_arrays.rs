@@ -6,8 +6,9 @@ use crate::reachability::grid::Grid;
 use crate::reachability::progress::{MEMORY_LIMIT_BYTES, check_memory};
 use crate::real::Real;
 
-/// ẋ = f(x) + G_u(x) u + G_d(x) d from arrays. This is [`ControlAffine`](super::ControlAffine),
-/// which explains the terms, with any number of inputs, for programs that load a game at run time.
+/// ẋ = f(x) + G_u(x) u + G_d(x) d from arrays. This is like
+/// [`ControlAffine`](super::ControlAffine), which explains the terms, but the number of inputs need
+/// not be known at compile time. Use it in programs that load a game.
 ///
 /// ```
 /// use sidestep::reachability::{Axis, AffineArrays, Grid, Players};
@@ -66,7 +67,7 @@ impl<const D: usize> AffineArrays<D> {
         Self::of_nodes(grid, rows.to_vec())
     }
 
-    /// [`Self::new`] from f at each node of a grid that is already checked.
+    /// Like [`Self::new`], but for a grid that is already checked. `rates` is f at each node.
     pub(super) fn of_nodes(grid: Grid<D>, rates: Vec<[f64; D]>) -> Result<Self, Invalid> {
         for (node, row) in rates.iter().enumerate() {
             if row.iter().any(|rate| !rate.is_finite()) {
@@ -81,7 +82,7 @@ impl<const D: usize> AffineArrays<D> {
     ///
     /// # Errors
     /// [`Invalid`] for a wrong number of entries, a range or a matrix that is not finite, a range
-    /// whose ends are not in order, or too much memory.
+    /// whose ends are not in order, or a game that needs too much memory.
     pub fn minimiser(self, matrix: &[f64], ranges: &[[f64; 2]]) -> Result<Self, Invalid> {
         self.array(Player::Minimiser, matrix, ranges)
     }
@@ -156,9 +157,9 @@ impl<const D: usize> AffineArrays<D> {
         Ok(Self { grid, minimiser, maximiser, rates })
     }
 
-    /// The stored rates, for [`Self::of_rates`]. They contain, for each node, f with all inputs in
-    /// the middle of their ranges, then the effect of half the range of each input of the
-    /// maximiser, then of each input of the minimiser.
+    /// The stored rates, for [`Self::of_rates`]. For each node, they contain ẋ with all inputs in
+    /// the middle of their ranges, followed by the effect of half the range of each input: first
+    /// the maximiser's inputs, then the minimiser's.
     #[must_use]
     pub fn rates(&self) -> &[[f64; D]] {
         &self.rates
@@ -167,8 +168,8 @@ impl<const D: usize> AffineArrays<D> {
     /// The game with these input ranges and with the rates of [`Self::rates`], row-major.
     ///
     /// # Errors
-    /// [`Invalid`] for an invalid grid, a range whose ends are not finite or not in order, or a
-    /// wrong number of rates or one that is not finite.
+    /// [`Invalid`] for an invalid grid, a range whose ends are not finite or not in order, a wrong
+    /// number of rates, or a rate that is not finite.
     pub fn of_rates(
         grid: Grid<D>,
         minimiser: Vec<[f64; 2]>,
@@ -209,8 +210,8 @@ impl<const D: usize> AffineArrays<D> {
         1 + self.maximiser.len() + self.minimiser.len()
     }
 
-    /// The centre of a node's rates, and the vectors that the maximiser's and the minimiser's
-    /// inputs add to it or subtract from it.
+    /// The rate at a node with all inputs in the middle of their ranges, and the vectors that the
+    /// maximiser's and the minimiser's inputs add to it or subtract from it.
     #[inline(always)]
     fn at(&self, node: usize) -> ([f64; D], &[[f64; D]], &[[f64; D]]) {
         let stride = self.stride();

@@ -7,8 +7,9 @@ use crate::reachability::grid::Grid;
 use crate::real::Real;
 
 /// ẋ = f(x) + G_u(x) u + G_d(x) d with `D` states. The `M` inputs u minimise V, the `K` inputs d
-/// maximise it, each within its own range. If the control steers to the target, it is u, and the
-/// disturbance is d. If the control avoids the target, the control is d, and the disturbance is u.
+/// maximise it, each within its own range. If the control steers to the target, then u is the
+/// control and d is the disturbance. If the control avoids the target, then d is the control and u
+/// is the disturbance.
 ///
 /// f and G are stored at the nodes of a grid, where the Hamiltonian is exact: H = p · f + Σ min
 /// over u_j of (pᵀG_u)_j u_j + Σ max over d_k of (pᵀG_d)_k d_k. Between nodes, [`Players`]
@@ -53,7 +54,8 @@ impl<const D: usize> ControlAffine<D, 0, 0> {
         Ok(Self { arrays: AffineArrays::of_nodes(grid, at_nodes(&grid, drift))? })
     }
 
-    /// [`Self::new`] from an array: f at each node, row-major over nodes and `D` components.
+    /// Like [`Self::new`], but from an array: f at each node, row-major over nodes and `D`
+    /// components.
     ///
     /// # Errors
     /// The errors of [`Self::new`], and [`Invalid`] for a wrong number of entries.
@@ -68,7 +70,7 @@ impl<const D: usize, const K: usize> ControlAffine<D, 0, K> {
     ///
     /// # Errors
     /// [`Invalid`] for a range or a matrix that is not finite, a range whose ends are not in order,
-    /// or too much memory.
+    /// or a game that needs too much memory.
     pub fn minimiser<const M: usize>(
         self,
         matrix: impl Fn([f64; D]) -> [[f64; M]; D],
@@ -77,7 +79,8 @@ impl<const D: usize, const K: usize> ControlAffine<D, 0, K> {
         Ok(ControlAffine { arrays: with(self.arrays, Player::Minimiser, matrix, range)? })
     }
 
-    /// [`Self::minimiser`] from an array: G_u at each node, row-major over nodes, `D` rows and `M` columns.
+    /// Like [`Self::minimiser`], but from an array: G_u at each node, row-major over nodes, `D`
+    /// rows and `M` columns.
     ///
     /// # Errors
     /// The errors of [`Self::minimiser`], and [`Invalid`] for a wrong number of entries.
@@ -103,7 +106,7 @@ impl<const D: usize, const M: usize> ControlAffine<D, M, 0> {
         Ok(ControlAffine { arrays: with(self.arrays, Player::Maximiser, matrix, range)? })
     }
 
-    /// [`Self::maximiser`] from an array; see [`ControlAffine::minimiser_from_array`].
+    /// Like [`Self::maximiser`], but from an array; see [`ControlAffine::minimiser_from_array`].
     ///
     /// # Errors
     /// The errors of [`ControlAffine::minimiser_from_array`].
@@ -163,7 +166,7 @@ fn at_nodes<R, const D: usize>(grid: &Grid<D>, function: impl Fn([f64; D]) -> R)
     (0..grid.len()).map(|node| function(grid.node(grid.index(node)))).collect()
 }
 
-/// Adds inputs to `arrays`; their matrix is a function of the state.
+/// Adds inputs to `arrays`. `matrix` is their matrix as a function of the state.
 fn with<const D: usize, const N: usize>(
     arrays: AffineArrays<D>,
     player: Player,

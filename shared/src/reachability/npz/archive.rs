@@ -6,7 +6,7 @@ use crate::reachability::checksum::checksum;
 #[derive(Default)]
 pub(super) struct Archive {
     bytes: Vec<u8>,
-    /// The central directory, which comes last.
+    /// The ZIP central directory, which is written last.
     contents: Vec<u8>,
     count: u16,
 }
@@ -63,8 +63,8 @@ impl Archive {
         self.bytes.extend(header(T::DTYPE, shape));
         values.for_each(|value| value.push(&mut self.bytes));
         let size = (self.bytes.len() - start) as u32;
-        // Version 2.0, no flags, no compression, time and date; checksum and both sizes; name
-        // length, no extra field.
+        // The fields after the signature: version 2.0, no flags, no compression, time and date,
+        // checksum, both sizes, name length, no extra field.
         let mut about = Vec::new();
         for half in [20, 0, 0, 0, DAY] {
             about.extend(half.to_le_bytes());
@@ -78,7 +78,7 @@ impl Archive {
         self.bytes[begin + 4..begin + LOCAL].copy_from_slice(&about);
         self.contents.extend(b"PK\x01\x02\x14\x00");
         self.contents.extend(about);
-        // No comment, disk 0, no attributes.
+        // Only in the central directory: no comment, disk 0, no attributes.
         self.contents.extend([0; 10]);
         self.contents.extend((begin as u32).to_le_bytes());
         self.contents.extend(name.as_bytes());

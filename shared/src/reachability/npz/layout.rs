@@ -1,9 +1,9 @@
-//! The nodes of a file, and the order of their values.
+//! The nodes of a file, and the order in which it stores their values.
 
 use crate::invalid::{Invalid, length};
 use crate::reachability::{Nodes, PursuitGame};
 
-/// The nodes of a file, and the order of their values.
+/// The nodes of a file, and the order in which it stores their values.
 pub struct Layout {
     nodes: Nodes,
     /// The number of nodes along each axis.
@@ -26,7 +26,7 @@ impl Layout {
         Self { nodes, shape: shape(&nodes), axes }
     }
 
-    /// r − R at a node (m).
+    /// The range margin r − R at a node (m).
     #[must_use]
     pub fn margin(&self, game: &PursuitGame, [i, j, k]: [usize; 3]) -> f64 {
         match self.nodes {
@@ -37,7 +37,8 @@ impl Layout {
         }
     }
 
-    /// The stored node for a node: its mirror image if the bearing is above π.
+    /// Maps a node to the stored node with the same value. This is the node itself, or its mirror
+    /// image if the bearing is above π.
     #[must_use]
     pub fn kept(&self, [i, j, k]: [usize; 3]) -> [usize; 3] {
         match self.nodes {
@@ -69,10 +70,11 @@ pub fn shape(nodes: &Nodes) -> [usize; 3] {
     }
 }
 
-/// Checks an array whose elements follow from `meta`: node coordinates or instants.
+/// Checks an array of node coordinates or instants against the values that follow from `meta`.
 ///
 /// # Errors
-/// [`Invalid`] if the lengths differ, or naming the first element that differs.
+/// [`Invalid`] if the lengths differ, or if an element differs. The error names the first such
+/// element.
 pub fn check_axis(name: &str, expected: &[f64], found: &[f64]) -> Result<(), Invalid> {
     length(name, expected.len(), found.len())?;
     let largest = expected.iter().fold(1.0, |most: f64, number| most.max(number.abs()));

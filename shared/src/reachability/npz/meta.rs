@@ -22,13 +22,13 @@ pub struct Meta {
     pub format: String,
     /// [`Method::name`].
     pub method: String,
-    /// `polar` or `cartesian`; repeats the entry of this name in `nodes`.
+    /// `polar` or `cartesian`, the same as the entry `coordinates` in `nodes`.
     pub coordinates: String,
     /// The name of each axis.
     pub axes: [String; 3],
     /// The unit of each axis.
     pub units: [String; 3],
-    /// Whether each axis is a full turn.
+    /// Whether each axis is periodic, that is, covers a full turn.
     pub periodic: [bool; 3],
     /// A description of the values.
     pub stored: String,

@@ -28,7 +28,8 @@ impl<'a> Arrays<'a> {
     /// [`Invalid`] if the bytes are not an archive of uncompressed arrays.
     pub(super) fn read(bytes: &'a [u8]) -> Result<Self, Invalid> {
         let no_archive = || Invalid::new("bytes", "a NumPy archive (.npz)", "other bytes");
-        // A comment of at most 2¹⁶ bytes may follow the end record, which contains its length.
+        // A comment of at most 2¹⁶ bytes may follow the end record. The record contains the
+        // comment's length.
         let last = bytes.len().checked_sub(END).ok_or_else(no_archive)?;
         let end = (last.saturating_sub(1 << 16)..=last)
             .rev()
@@ -52,7 +53,7 @@ impl<'a> Arrays<'a> {
     /// Returns the array `name`.
     ///
     /// # Errors
-    /// [`Invalid`] if the archive lacks it.
+    /// [`Invalid`] if the archive has no array of this name.
     pub(super) fn get(&self, name: &str) -> Result<&Array<'a>, Invalid> {
         let found = self.0.iter().find(|(it, _)| it == name);
         let names = || self.0.iter().map(|(name, _)| &name[..]).collect::<Vec<_>>().join(", ");

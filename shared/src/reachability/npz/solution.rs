@@ -4,7 +4,7 @@
 //! - `tau` (float64): the march times of the instants (s). The last one is the horizon.
 //! - `axis0`, `axis1`, … (float64): the coordinates of the nodes.
 //! - `exit0`, `exit1`, … (float64): for each node of an axis, the time (s) before which no path
-//!   passes an end of the axis. Files of earlier versions lack these arrays.
+//!   from the node passes an end of the axis. Files of earlier versions lack these arrays.
 //! - `meta` (uint8): a JSON object.
 
 use super::archive::Archive;
@@ -89,7 +89,7 @@ impl<T: Real, const D: usize> Solution<T, D> {
         Ok(archive.finish())
     }
 
-    /// Decodes the bytes of [`Self::npz`], even if `numpy.savez` has rewritten the arrays.
+    /// Decodes an archive from [`Self::npz`], even if `numpy.savez` has rewritten it.
     ///
     /// # Errors
     /// [`Invalid`] naming the invalid array or entry of `meta`.
@@ -164,11 +164,11 @@ impl<T: Real, const D: usize> Solution<T, D> {
     }
 }
 
-/// Largest size of the values (bytes). Sizes and offsets have 32 bits; the rest is for axes and
-/// headers.
+/// Largest total size of the values (bytes). Sizes and offsets in the archive have 32 bits. The
+/// remaining 64 MiB are for axes and headers.
 const MOST_BYTES: usize = (u32::MAX - (1 << 26)) as usize;
 
-/// NumPy's dtype string of a number type.
+/// NumPy's dtype string for the number type `T`.
 fn dtype<T: Real>() -> &'static str {
     if size_of::<T>() == size_of::<f32>() { "<f4" } else { "<f8" }
 }

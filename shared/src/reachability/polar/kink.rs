@@ -1,5 +1,5 @@
-//! The kink of V, where left and right turns are equally good for the evader, as the maximum of two
-//! smooth sheets.
+//! Represents the kink of V, where left and right turns are equally good for the evader, as the
+//! maximum of two smooth sheets.
 
 use super::Solution;
 use super::level::{Evader, Level, PAD};
@@ -9,20 +9,21 @@ use crate::math::TAU;
 use crate::parallel::in_widest_lanes;
 use crate::real::Real;
 
-/// Number of sweeps over a sheet or, for a finite horizon, of steps of [`CFL`](super::sweep::CFL)
-/// that the slowest cells of a sheet march.
+/// Number of sweeps over a sheet. For a finite horizon, even the slowest cells of a sheet advance
+/// by this many steps at the CFL number [`CFL`](super::sweep::CFL).
 pub(super) const SHEET_SWEEPS: usize = 12;
 
-/// The kink of the full game is blurred by at most this fraction of a cell. Where both sheets are
-/// below the full game by more than this, the evader has a better strategy than a single turn.
+/// At the kink, the full game's value is blurred by at most this fraction of a cell. Where the
+/// value exceeds both sheets by more than this, the evader has a better strategy than a single
+/// turn.
 const KINK_BLUR: f64 = 0.2;
 
-/// States where the sheets differ by more than this many cells are not near the kink.
+/// Where the sheets differ by more than this many cells, the state is not near the kink.
 const KINK_NEAR: f64 = 4.0;
 
 impl<T: Real> Level<T> {
-    /// The game in which the evader turns to one side or goes straight until it is safe in the full
-    /// game. Its initial values are the values of the full game, `self`.
+    /// The game in which the evader only turns to one side or goes straight, until it is safe in
+    /// the full game. The initial values are the values of the full game (`self`).
     pub(super) fn right_copy(&self) -> Self {
         let (n, ranges) = (self.shape.angle_nodes, self.range.nodes);
         let mut sheet = Self::new(&self.game, self.range_m, ranges, n, Evader::Right);
@@ -48,7 +49,8 @@ impl<T: Real> Level<T> {
         sheet
     }
 
-    /// The solution. It uses the sheet near the kink, where the sheet agrees with the full game.
+    /// The solution. Near the kink, it takes its values from the sheets wherever they agree with
+    /// the full game.
     pub(super) fn finish(mut self, mut sheet: Self) -> Solution<T> {
         let (n, ranges) = (self.shape.angle_nodes, self.range.nodes);
         for i in 0..ranges {

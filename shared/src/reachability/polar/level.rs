@@ -59,8 +59,8 @@ impl Shape {
         (k + PAD) * self.row
     }
 
-    /// Copies row `k` of a slab to its ghosts: periodic in heading; mirrored in bearing, or
-    /// periodic for [`Evader::Right`].
+    /// Copies row `k` of a slab to its ghosts. They are periodic in heading. In bearing, they are
+    /// mirrored, or periodic for [`Evader::Right`].
     #[inline(always)]
     pub(super) fn spread<T: Real>(self, slab: &mut [T], k: usize) {
         let (n, last) = (self.angle_nodes, self.bearings() - 1);
@@ -87,7 +87,7 @@ impl Shape {
         };
         if let Some(ghost) = mirrored {
             for j in 0..self.row {
-                // Heading j − PAD becomes its negative.
+                // The mirror image has the opposite heading.
                 let source = at + PAD + (2 * n + PAD - j) % n;
                 slab[ghost + j] = slab[source];
             }
@@ -106,7 +106,7 @@ pub(super) struct Level<T> {
     pub(super) activity: Vec<T>,
     /// Signed change of each row since the last measurement, summed over its cells.
     pub(super) drift: Vec<T>,
-    /// Sines and, below, cosines of the angles j·2π/`angle_nodes`.
+    /// Sines of the angles j·2π/`angle_nodes`. The next field contains their cosines.
     pub(super) sin: Vec<T>,
     pub(super) cos: Vec<T>,
     /// The ranges of the nodes (m).
@@ -194,7 +194,7 @@ impl<T: Real> Level<T> {
         }
     }
 
-    /// Copies a row to its ghosts: periodic, mirrored and beyond the last range.
+    /// Copies a row to its periodic and mirrored ghosts, and to its ghosts beyond the last range.
     pub(super) fn spread(&mut self, i: usize, k: usize) {
         let (shape, start) = (self.shape, self.shape.at_range(i));
         shape.spread(&mut self.values[start..start + shape.slab()], k);
@@ -207,15 +207,16 @@ impl<T: Real> Level<T> {
         }
     }
 
-    /// Writes W of the full game at bearing node `k` to `row`, from the stored half turn.
+    /// Writes W at bearing node `k` to `row`. For the full game, only half a turn of bearings is
+    /// stored.
     #[inline(always)]
     pub(super) fn copy_row(&self, i: usize, k: usize, row: &mut [T]) {
         let n = self.shape.angle_nodes;
         if k <= n / 2 {
             row.copy_from_slice(&self.values[self.at(i, k) + PAD..][..n]);
         } else {
-            // Heading j is heading n − j of the mirror image: the row backwards, from the ghost
-            // that repeats its first entry.
+            // Heading j is heading n − j of the mirror image. The mirrored row is therefore read
+            // backwards, starting with the ghost that repeats its first entry.
             let mirrored = &self.values[self.at(i, n - k) + PAD + 1..][..n];
             for (to, from) in row.iter_mut().zip(mirrored.iter().rev()) {
                 *to = *from;

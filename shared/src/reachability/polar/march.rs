@@ -10,18 +10,18 @@ use crate::parallel::{Kernel, Workers, in_widest_lanes};
 use crate::real::Real;
 use core::ops::ControlFlow;
 
-/// Below this fraction of the radius, a time step is divided into several parts, because bearings
-/// change quickly there. Only values at still smaller ranges depend on these values.
+/// At ranges below this fraction of the radius, a time step is divided into several parts, because
+/// bearings change quickly there. Only values at even smaller ranges depend on the values there.
 const INNER: f64 = 0.3;
 
 /// The time steps of all cells, and the number of parts into which each slab divides a step.
 struct Steps<T> {
     count: usize,
     seconds: T,
-    /// By range node.
+    /// For each range node, the number of parts.
     parts: Vec<usize>,
-    /// Number of final steps in which the sheet marches too. They suffice to cross a few cells
-    /// everywhere.
+    /// Number of steps at the end in which the sheet marches too. They suffice for information to
+    /// cross a few cells everywhere.
     with_sheet: usize,
 }
 
@@ -66,7 +66,8 @@ impl<T: Real> Level<T> {
         (horizon_s * self.fastest_outside() / CFL).ceil().max(1.0)
     }
 
-    /// The largest speed of information (cells per second) at ranges that take a step in one part.
+    /// The largest speed of information (cells per second) at the ranges where a time step is not
+    /// divided.
     fn fastest_outside(&self) -> f64 {
         let inner = INNER * self.game.radius_m;
         let outer = (1..self.range.nodes).filter(|i| self.ranges[*i] >= inner);
@@ -158,8 +159,9 @@ impl<T: Real> Kernel for Slab<'_, T> {
         let Self { level, steps, full, i, out } = self;
         let parts = steps.parts[i];
         let seconds = steps.seconds / T::from_f64(parts as f64);
-        // Where a step is divided, information travels much more slowly along the range, so the
-        // neighbours' values are not updated in between.
+        // Where a step is divided, information travels much more slowly along the range than along
+        // the bearing. The values at neighbouring ranges are therefore not updated between the
+        // parts.
         let mut before = Vec::new();
         for part in 0..parts {
             let slab = if part == 0 {

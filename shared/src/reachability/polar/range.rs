@@ -14,7 +14,7 @@ pub struct RangeAxis {
 }
 
 impl RangeAxis {
-    /// `nodes` nodes from 0 to `range_m`.
+    /// An axis of `nodes` nodes from 0 to `range_m`.
     #[must_use]
     pub fn new(knee_m: f64, range_m: f64, nodes: usize) -> Self {
         Self { knee_m, step: ln(1.0 + range_m / knee_m) / (nodes - 1) as f64, nodes }

@@ -12,9 +12,10 @@ pub const WINDOW: usize = 16;
 /// One pass over all rows.
 pub(super) struct Sweep<'a, T> {
     pub(super) level: &'a mut Level<T>,
-    /// A row is skipped while nothing in its stencil changes by more than this.
+    /// A row is skipped if no row in its stencil changed by more than this at its last update.
     pub(super) rest: T,
-    /// For a sheet: the full game, whose values the sheet takes where the full game is safe.
+    /// For a sheet: the full game. Where it is safe, its values are lower bounds of the sheet's
+    /// values.
     pub(super) full: Option<&'a Level<T>>,
 }
 
@@ -71,13 +72,15 @@ impl<T: Real> Level<T> {
         }
         self.converged = self.drift_m <= tolerance;
         if self.drift_m.is_infinite() {
-            // Fewer sweeps than a window: the drift is extrapolated to a whole one.
+            // There were fewer sweeps than a window, so the drift is extrapolated to a whole
+            // window.
             self.drift_m = self.mean_drift_m() * WINDOW as f64 / self.sweeps as f64;
         }
         ControlFlow::Continue(())
     }
 
-    /// The magnitude of each row's change since the last measurement, averaged over cells and rows.
+    /// The magnitude of each row's mean signed change since the last measurement, averaged over the
+    /// rows.
     fn mean_drift_m(&self) -> f64 {
         let sum: f64 = self.drift.iter().map(|drift| drift.abs().to_f64()).sum();
         sum / (self.drift.len() * self.shape.angle_nodes) as f64
@@ -149,12 +152,13 @@ fn tally<T: Real>(
     }
 }
 
-/// Pads fewer cells than lanes with zeros.
+/// Pads an incomplete group of cells with zeros.
 fn padded<T: Real>(cells: &[T]) -> [T; LANES] {
     let mut lanes = [T::ZERO; LANES];
     lanes[..cells.len()].copy_from_slice(cells);
     lanes
 }
 
-/// CFL number, as a fraction of the stable time step. From about 0.8 on, sweeps no longer converge.
+/// CFL number: the time step as a fraction of the largest stable time step. From about 0.8 on,
+/// sweeps no longer converge.
 pub(super) const CFL: f64 = 0.6;

@@ -1,5 +1,5 @@
-//! How fast the deficits of a row change, from upwind differences on each axis and both players'
-//! optimal turns.
+//! The rate of change of a row's deficits, from upwind differences on each axis and from both
+//! players' optimal turn rates.
 
 use super::level::{Evader, Level, PAD};
 use crate::math::TAU;
@@ -41,9 +41,9 @@ impl<T: Real> Level<T> {
         pursuer.turn_rate_radps < evader.turn_rate_radps || self.shape.evader == Evader::Right
     }
 
-    /// Advances row `k` of range node `i` by one time step and writes it to `moved`. `slab`
-    /// contains the rows of this range; the rows of neighbouring ranges are in `self`. For
-    /// `FOLLOWS`, see [`Self::follows`].
+    /// Advances row `k` of range node `i` by one time step and writes it to `moved`. The rows of
+    /// this range are read from `slab`, the rows of neighbouring ranges from `self`. For `FOLLOWS`,
+    /// see [`Self::follows`].
     #[inline(always)]
     pub(super) fn advance<const FOLLOWS: bool>(
         &self,
@@ -92,8 +92,8 @@ impl<T: Real> Level<T> {
             let slope = if opening > zero { range_out } else { range_in };
             let drift = (evader_aside + ahead_cos * sin[j] - ahead_sin * cos[j]) * per_range;
             let upwind = |speed: T, low: T, high: T| speed * if speed > zero { high } else { low };
-            // Piecewise linear in a, so the maximum is at an end of a's range or where an angle is
-            // constant.
+            // The rate is piecewise linear in a. Its maximum is therefore at an end of a's range,
+            // or where the bearing or the heading is constant.
             let answer = |b: T| {
                 let with = |a: T| {
                     upwind(drift - a, bearing_in, bearing_out)
@@ -120,8 +120,8 @@ impl<T: Real> Level<T> {
         1.0 / ((self.ranges[i] + self.range.knee_m) * self.range.step)
     }
 
-    /// For a sheet: raises the values to at least the values of `full`, the game with all turns,
-    /// where `full` is safe. `spare` is a buffer for a row.
+    /// For a sheet: where the full game `full` is safe, raises `moved` to at least the values of
+    /// `full`. `spare` is a buffer for a row.
     #[inline(always)]
     pub(super) fn keep_safe(
         &self,
@@ -138,20 +138,20 @@ impl<T: Real> Level<T> {
     }
 }
 
-/// A deficit of at most this fraction of the radius counts as zero: the evader can keep the range
-/// from decreasing.
+/// A deficit whose magnitude is below this fraction of the radius counts as zero. The evader is
+/// then *safe*, because it can keep the range from decreasing.
 pub(super) const SAFE: f64 = 1.0 / 3000.0;
 
-/// Undivided left and right differences at the middle of five values. They are of third order where
-/// the data are smooth, and like ENO2 elsewhere.
+/// Undivided left and right differences at the middle of five values. They are third-order accurate
+/// where the data are smooth, and similar to ENO2 elsewhere.
 #[inline(always)]
 fn one_sided<T: Real>(a: T, b: T, c: T, d: T, e: T) -> (T, T) {
     let (d0, d1, d2, d3) = (b - a, c - b, d - c, e - d);
     let (low, middle, high) = (d1 - d0, d2 - d1, d3 - d2);
     let third = T::from_f64(1.0 / 3.0);
     let two = T::from_f64(2.0);
-    // (outer + 2 inner)/3 is of third order. It is limited to twice the smaller of the two
-    // magnitudes.
+    // (outer + 2 inner)/3 gives third order. Its magnitude is limited to twice the smaller of
+    // |outer| and |inner|.
     let limited = |outer: T, inner: T| {
         let bound = two * if outer.abs() < inner.abs() { outer } else { inner };
         let wanted = (outer + two * inner) * third;

@@ -11,7 +11,7 @@ pub(super) struct RangeFinder {
     /// The reciprocal of the logarithmic step.
     per_step: f64,
     nodes_m: Vec<f64>,
-    /// The cell of each multiple of the smallest spacing.
+    /// For each multiple of the smallest spacing, the cell that contains it.
     cells: Vec<u32>,
     per_metre: f64,
 }

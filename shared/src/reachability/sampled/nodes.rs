@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "coordinates", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Nodes {
-    /// Range r = c (eˢ − 1), bearing and relative heading. Both angles have the same nodes, from 0
-    /// over a full turn.
+    /// Range r = c (eˢ − 1), bearing and relative heading. Both angles have the same nodes, which
+    /// cover a full turn from 0.
     Polar {
         /// c (m).
         knee_m: f64,

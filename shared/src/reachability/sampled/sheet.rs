@@ -1,9 +1,10 @@
-//! The second sheet of a polar value function, which keeps the kink of V sharp.
+//! The sheet Q of a polar value function, which keeps the kink of V sharp.
 
 use super::super::table::Table;
 
-/// V = max(Q(α, ψ), Q(−α, −ψ)) near the surface where left and right turns are equally good for the
-/// evader. Between nodes, the two smooth functions keep the kink sharp; one table would cut it off.
+/// Near the surface where left and right turns are equally good for the evader, V = max(Q(α, ψ),
+/// Q(−α, −ψ)). Interpolating the two smooth functions keeps the kink sharp between nodes.
+/// Interpolating V itself would cut it off.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Sheet {
     /// Deficits of Q over a full turn of bearings.
@@ -33,8 +34,9 @@ impl Sheet {
             if !crosses([i, j, k]) {
                 continue;
             }
-            // The neighbours are marked too. Beyond them no stencil contains both sides of the
-            // kink, so one table and two tables give the same value on the face between cells.
+            // The neighbours are marked too. Beyond them, no stencil contains both sides of the
+            // kink. On the face between a marked and an unmarked cell, interpolating V and
+            // interpolating the two sheets therefore give the same value.
             for i in i.saturating_sub(1)..=(i + 1).min(n0 - 1) {
                 for j in -1..=1 {
                     for k in [k + n2 - 1, k, k + 1] {

@@ -4,8 +4,8 @@ use super::{Nodes, SampledValue, split};
 use crate::math::{TAU, wrap_positive};
 
 impl SampledValue {
-    /// The slice at heading `psi`, for drawing. V at its nodes needs no further search for the
-    /// cell.
+    /// The slice at heading `psi`, for drawing. The cell of the heading is found only once for all
+    /// nodes.
     pub(in super::super) fn slice(&self, psi: f64) -> Slice<'_> {
         let n = self.nodes.shape()[2];
         let (k, share) = split(wrap_positive(psi) * n as f64 / TAU, n);
@@ -17,7 +17,7 @@ impl SampledValue {
 /// All nodes of one heading.
 pub(in super::super) struct Slice<'a> {
     function: &'a SampledValue,
-    /// Cell and fractional position of ψ and, for bearings below 0, of −ψ.
+    /// Cell and fractional position of ψ and of −ψ. Nodes with bearings above π use −ψ.
     heading: [(usize, f64); 2],
 }
 

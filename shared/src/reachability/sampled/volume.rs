@@ -11,10 +11,10 @@ const PIECES: usize = 4;
 impl SampledValue {
     /// The volume (m²·rad) of the set within the grid where the interpolated V is ≤ 0.
     ///
-    /// In each slice of equal heading, cells that the boundary may cross are divided into 4 × 4
-    /// pieces, and V is approximated as linear on four triangles of each piece. The volume is the
-    /// sum of the slices' areas times the spacing of the headings. On the 51×40×50 nodes of
-    /// Mitchell's example, it differs from the volume of the closed form by less than 0.05 %.
+    /// At each heading node, the cells that the boundary may cross are divided into 4 × 4 pieces,
+    /// and V is approximated as linear on four triangles of each piece. The volume is the sum of
+    /// the slices' areas times the spacing of the headings. On the 51×40×50 nodes of Mitchell's
+    /// example, it differs from the volume of the closed form by less than 0.05 %.
     #[must_use]
     pub fn volume(&self) -> f64 {
         let [rows, columns, headings] = self.nodes.shape();
@@ -26,8 +26,8 @@ impl SampledValue {
         };
         let mut volume = 0.0;
         for [i, j] in (0..rows - 1).flat_map(|i| (0..columns - 1).map(move |j| [i, j])) {
-            // Two points of the cell are at most this far apart (m), and V changes by at most the
-            // distance between two points.
+            // The largest distance between two points of the cell (m). V at two points differs by
+            // at most their distance.
             let [a, b] = [i, j].map(|cell| cell * PIECES);
             let far = sides[0].points[a + PIECES];
             let across = sides[1].length(b) * if polar { far } else { 1.0 };
@@ -69,8 +69,8 @@ impl SampledValue {
 /// An axis in the plane whose cells are divided into pieces.
 struct Side {
     points: Vec<f64>,
-    /// A function of the points (r²/2 for ranges). Areas are products of its differences along both
-    /// axes.
+    /// A function of the points: r²/2 for ranges, otherwise the coordinate. The area of a piece is
+    /// the product of this function's differences along both axes.
     measures: Vec<f64>,
 }
 

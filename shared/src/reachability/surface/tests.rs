@@ -59,9 +59,9 @@ fn vertices_are_on_the_level() {
     }
 }
 
-/// Two planes that meet in a slanting line. The vertices along the line are on it, whatever the
-/// position of the grid, and the triangles beside it are flat. Marching along the grid's edges
-/// would cut off the line in steps.
+/// Two planes meet in a slanting line. For any position of the grid, vertices lie on the line, and
+/// the triangles beside it are flat. Vertices on the grid's edges would replace the line by a
+/// staircase.
 #[test]
 fn a_ridge_is_a_line_of_vertices() {
     let sides = [[0.8, 0.6, 0.1], [0.6, -0.8, 0.3]];
@@ -91,8 +91,8 @@ fn a_ridge_is_a_line_of_vertices() {
     }
 }
 
-/// Where the function jumps, the surface follows the jump, whatever the gradient is on its two
-/// sides.
+/// Where the function jumps, the surface follows the jump. The gradients on its two sides do not
+/// matter.
 #[test]
 fn a_jump_is_part_of_the_surface() {
     let value = |[x, y, _]: [f64; 3]| if x + 0.3 * y < 0.7 { -2.0 + 0.1 * y } else { 5.0 };

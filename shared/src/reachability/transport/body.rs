@@ -7,7 +7,8 @@ use crate::reachability::sampled::{Nodes, SampledValue};
 /// Upper bound on the number of quanta of a deficit: about 10⁹ m.
 const MOST_STEPS: u64 = 1 << 40;
 
-/// Encodes deficits and sheet in whole quanta, as differences from predictions.
+/// Encodes deficits and sheet as whole numbers of quanta, and stores the differences from
+/// predictions.
 pub(super) fn rounded(sampled: &SampledValue) -> Vec<u8> {
     let quantum = QUANTUM_M * sampled.game().length_unit_m();
     let steps: Vec<i64> =
@@ -35,7 +36,7 @@ pub(super) fn take_rounded(
     sheet: bool,
     quantum: f64,
 ) -> Result<Values, Invalid> {
-    // Every value takes at least a byte, so this bounds the allocation.
+    // Every value takes at least a byte, so this check bounds the allocation.
     if nodes.count() > rest.len() {
         let expected = format!("at least {} bytes of values", nodes.count());
         return Err(Invalid::new("value function", expected, rest.len()));
@@ -89,7 +90,7 @@ pub(super) fn take_floats(
     crate::invalid::length("value function bytes", needed, rest.len())?;
     let mut deficit: Vec<f32> = values.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
     let most = MOST_STEPS as f64 * quantum;
-    // NaN is in no range.
+    // No range contains NaN, so NaN is rejected too.
     let fits = |w: &f32| (-most..=most).contains(&f64::from(*w));
     if let Some(position) = deficit.iter().position(|w| !fits(w)) {
         return Err(Invalid::new(format!("value[{position}]"), "a deficit", deficit[position]));
@@ -98,7 +99,8 @@ pub(super) fn take_floats(
     Ok((deficit, sheet.then_some(sheet_values)))
 }
 
-/// Maps an entry of a sheet, which covers a full turn of bearings, to its deficit.
+/// Maps the position of an entry in a sheet, which covers a full turn of bearings, to the position
+/// of the deficit at the same state.
 struct Mirror([usize; 3]);
 
 impl Mirror {

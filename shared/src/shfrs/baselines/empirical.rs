@@ -15,7 +15,8 @@ use crate::shfrs::window::Window;
 pub enum Mode<M> {
     /// The model's most likely action now.
     MostLikely(M),
-    /// The input of the last step: right, straight (also without a last step), left.
+    /// The input of the last step: right, straight or left. It is straight if there is no last
+    /// step.
     Held,
 }
 
@@ -52,13 +53,14 @@ impl<M: ActionModel> Mode<M> {
 /// frame, and the set at each step bounds the most representative share α of these futures. There
 /// are two differences. First, the paper selects futures by an integer program that minimises the
 /// area. Here, futures are ordered by their root mean square distance over the steps from the
-/// mode's median path (the median of each coordinate), so that the sets of all shares are nested.
-/// Second, the paper bounds the selected futures by the least and greatest lateral positions. Here,
-/// the bound is the convex hull at each step.
+/// mode's median path (the median of each coordinate), so that the sets are nested. Second, the
+/// paper bounds the selected futures by their least and greatest lateral positions. Here, the bound
+/// is the convex hull at each step.
 ///
-/// The level is the share α of a mode's n futures, counted as j/(n + 1). At level 1 the set is the
-/// worst-case set. Only positions are tested, with a tolerance of 5 mm. The area is the area of the
-/// union of the convex hulls of consecutive steps' sets, starting at the current position.
+/// The level is the share α = j/(n + 1), where j of a mode's n futures are selected. At level 1,
+/// the set is the worst-case set. Membership tests use only positions, with a tolerance of 5 mm.
+/// The area is the area of the union of the convex hulls of consecutive steps' sets, starting at
+/// the current position.
 pub struct PerModeEmpirical<M> {
     mode: Mode<M>,
     modes: Vec<Futures>,
@@ -73,8 +75,8 @@ const TOLERANCE_M: f64 = 0.005;
 /// The recorded futures of one mode.
 struct Futures {
     count: usize,
-    /// For each step, the distinct hulls of the most central futures in ascending order, each with
-    /// the least number of futures that have this hull.
+    /// For each step, the distinct hulls of the j most central futures, in ascending order of j.
+    /// Each hull is stored with the least j that gives it.
     hulls: Vec<Vec<(usize, Vec<[f64; 2]>)>>,
 }
 
@@ -118,8 +120,8 @@ impl Futures {
         Self { count: paths.len(), hulls }
     }
 
-    /// How many futures, counted from the most central one, a level below 1 selects. Scores count
-    /// futures in the same way, so a score that is used as the level selects the same futures.
+    /// The number of most central futures that a level below 1 selects. Scores are computed with
+    /// [`share`] too, so the level `share(j, n)` selects exactly j futures.
     fn kept(&self, level: f64) -> usize {
         (0..=self.count).rev().find(|&j| share(j, self.count) <= level).unwrap_or(0)
     }
@@ -133,7 +135,8 @@ impl Futures {
         self.hulls.iter().map(hull).collect()
     }
 
-    /// The least number of futures whose hull at a step contains a position.
+    /// The least j for which the hull of the j most central futures at a step contains a position.
+    /// Returns `None` if no hull contains it.
     fn least(&self, step: usize, position: [f64; 2]) -> Option<usize> {
         let hulls = &self.hulls[step];
         let holds = |hull: &[[f64; 2]]| signed_distance(hull, position) <= TOLERANCE_M;
@@ -142,8 +145,8 @@ impl Futures {
     }
 }
 
-/// The distinct hulls of the first 1, 2, … points, each with the least number of points that have
-/// this hull.
+/// The distinct hulls of the first j points, for j = 1, 2, … Each hull is returned with the least j
+/// that gives it.
 fn growing_hulls(points: impl Iterator<Item = [f64; 2]>) -> Vec<(usize, Vec<[f64; 2]>)> {
     let mut hulls: Vec<(usize, Vec<[f64; 2]>)> = Vec::new();
     for (i, point) in points.enumerate() {
@@ -156,7 +159,7 @@ fn growing_hulls(points: impl Iterator<Item = [f64; 2]>) -> Vec<(usize, Vec<[f64
     hulls
 }
 
-/// The median; 0 for an empty list.
+/// The median, or 0 for an empty list.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     match values.len() {
@@ -275,7 +278,7 @@ mod tests {
             let drive = drive(held, [[1.0, 0.0], point]);
             family.score(&Window::new(&drive, 1, 2).unwrap()).unwrap()
         };
-        // Nine futures: each adds a tenth to the level.
+        // There are nine futures, and each adds a tenth to the level.
         assert_eq!(score(0.0, [2.0, 0.0]), 0.1);
         assert_eq!(score(0.0, [2.0, 0.0049]), 0.1);
         for point in [[2.1, 0.1], [1.9, -0.1], [2.104, 0.0]] {
@@ -299,7 +302,7 @@ mod tests {
         // A triangle from the current position to the first square, and a strip.
         assert!((area(0.5) - (0.09 + 0.24)).abs() < 1e-9);
         assert!((area(0.9) - (0.16 + 0.56)).abs() < 1e-9);
-        // (v²/6) · 2ω · T³, the area of the worst case.
+        // The worst-case area is (v²/6) · 2ω · T³.
         assert!((area(1.0) - 4.0 / 6.0 * 0.4 * 0.4 * 0.4).abs() < 1e-4);
     }
 

@@ -1,5 +1,5 @@
-//! The sets of a family learned from recorded futures, as polygons at the human's pose, for drawing
-//! a single moment.
+//! Polygons of the sets of a family learned from recorded futures, placed at the human's pose. They
+//! serve to draw a single moment.
 
 use super::swept::swept;
 use super::{Gaussian, LearnedFamily, Mode, Nominal, PerModeEmpirical};
@@ -65,8 +65,8 @@ pub struct EmpiricalSet {
     pub level: f64,
     /// Area (m²) of all positions within the steps ahead.
     pub area_m2: f64,
-    /// Closed counter-clockwise polygons (m) whose union is all positions within the steps ahead.
-    /// If nothing was recorded, the set is empty, and so is each polygon.
+    /// Closed counter-clockwise polygons (m). Their union is the set of all positions within the
+    /// steps ahead. If nothing was recorded, the set is empty, and so is each polygon.
     pub tube: Vec<Vec<[f64; 2]>>,
     /// The positions after each step, one polygon per step.
     pub steps: Vec<Vec<[f64; 2]>>,
@@ -79,10 +79,10 @@ pub struct Fitted {
     pub sets: EmpiricalSets,
 }
 
-/// Shares of the training windows that the sets contain. One more set contains everything.
+/// Shares of the training windows that the sets contain. An additional set contains everything.
 const SHARES: [f64; 4] = [0.5, 0.75, 0.9, 0.95];
 
-/// A model type without values, for modes that need no model.
+/// A model type that has no values, for modes that need no model.
 enum Nobody {}
 
 impl ActionModel for Nobody {
@@ -216,7 +216,8 @@ impl EmpiricalSets {
     }
 }
 
-/// A drive whose first step has the input `held`. It is the history of the window from step 1 on.
+/// A drive whose first step has the input `held`. This step is the history of the window that
+/// starts at step 1.
 fn after_a_step(
     held: TurnInput,
     parameters: &SceneParameters,

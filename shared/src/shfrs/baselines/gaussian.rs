@@ -12,16 +12,17 @@ use crate::vehicle::Pose;
 use crate::vehicle::dubins::relative_state;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
-/// Ellipsoids of the future pose at each step: mean and covariance of the pose's difference from a
-/// [`Nominal`] drive, in the frame of the nominal pose, learned from recorded windows.
+/// Ellipsoids of the future pose at each step. An ellipsoid follows from the mean and the
+/// covariance of the pose's difference from a [`Nominal`] drive, in the frame of the nominal pose.
+/// Both are estimated from recorded windows.
 ///
 /// The level is a Mahalanobis radius. A trajectory is inside if, at every step, its pose (x, y, ψ)
-/// is within this radius of the mean. The covariances include 5 mm and 2 mrad, so that they are
-/// invertible even if all futures agree at a step. In the plane, the set at a step is an ellipse,
-/// the projection of the ellipsoid. The area is the area of the union of the convex hulls of
-/// consecutive ellipses, starting at the current position. At some radius, this area for a human
-/// who drives straight reaches the area of the worst-case set. From this radius on, the set is the
-/// worst-case set.
+/// is within this radius of the mean. Variances of (5 mm)² and (2 mrad)² are added to the
+/// covariances, so that they are invertible even if all futures agree at a step. In the plane, the
+/// set at a step is an ellipse, the projection of the ellipsoid. The area is the area of the union
+/// of the convex hulls of consecutive ellipses, starting at the current position. For a human who
+/// drives straight, this area reaches the area of the worst-case set at some radius. From this
+/// radius on, the set is the worst-case set.
 pub struct Gaussian {
     nominal: Nominal,
     parameters: SceneParameters,
@@ -31,7 +32,7 @@ pub struct Gaussian {
     worst_case_area: f64,
 }
 
-/// The distribution at one step, in the frame of the nominal pose (m, m, rad).
+/// The distribution at one step, in the frame of the nominal pose. The units are (m, m, rad).
 struct Moments {
     mean: Vector3<f64>,
     /// The inverse covariance.
@@ -237,7 +238,7 @@ mod tests {
         assert!((turned - 0.01 / 0.002).abs() < 1e-9);
     }
 
-    /// The hull of a point and a disc: a sector and two right-angled triangles.
+    /// The hull of a point and a disc consists of a sector and two right-angled triangles.
     #[test]
     fn the_area_is_that_of_the_swept_ellipse() {
         let family = learned(Nominal::Held);

@@ -9,8 +9,9 @@ use crate::shfrs::family::Family;
 use crate::shfrs::widened::{least_widening, tube_area_m2, widened};
 use crate::shfrs::window::Window;
 
-/// Reachable sets under base bounds widened by the level ε (rad/s), within the vehicle's turn
-/// rates. `base` returns the lowest and highest turn rate (rad/s) of each step of a window.
+/// Reachable sets under base bounds that are widened by the level ε (rad/s), but not beyond the
+/// vehicle's turn rates. `base` returns the lowest and highest turn rate (rad/s) of each step of a
+/// window.
 struct WidenedInputs<B> {
     name: &'static str,
     parameters: SceneParameters,
@@ -28,13 +29,14 @@ pub fn worst_case(parameters: &SceneParameters) -> impl Family + Send + use<> {
     WidenedInputs { name: WORST_CASE, parameters: *parameters, most: 0.0, base }
 }
 
-/// The human drives straight on, within ±ε. The set is a cone around the current velocity.
+/// The human drives straight, with a turn rate within ±ε. The set is a cone around the current
+/// velocity.
 pub fn constant_velocity(parameters: &SceneParameters) -> impl Family + Send + use<> {
     let rate = parameters.human.turn_rate_radps;
     around(Nominal::Straight, "constant velocity", rate, parameters)
 }
 
-/// The human holds the turn rate of the last step, within ±ε.
+/// The human holds the turn rate of the last step, to within ±ε.
 pub fn hold_the_input(parameters: &SceneParameters) -> impl Family + Send + use<> {
     let rate = parameters.human.turn_rate_radps;
     around(Nominal::Held, "hold the input", 2.0 * rate, parameters)
@@ -148,7 +150,7 @@ mod tests {
         let right = || learned_disturbance(parameters, Always([0.5, 0.3, 0.2]));
         near(check(right(), -0.5, 0.75), (0.0, 0.75 * whole));
         near(check(right(), 0.0, 0.0), (0.5, 0.0));
-        // Both directions if actions tie.
+        // If actions tie, the bounds include both directions.
         let torn = learned_disturbance(parameters, Always([0.4, 0.2, 0.4]));
         near(check(torn, 0.3, 0.0), (0.0, whole));
     }

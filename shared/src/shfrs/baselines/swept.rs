@@ -6,7 +6,7 @@
 //! line.
 
 /// The convex hull, counter-clockwise from its leftmost vertex (Andrew's monotone chain). Points
-/// inside an edge are omitted. A single point or a segment is returned unchanged.
+/// between the two ends of an edge are omitted. A single point or a segment is returned unchanged.
 pub(super) fn convex_hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let mut points = points.to_vec();
     points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
@@ -37,8 +37,9 @@ fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// The region that convex sets sweep from the origin: the convex hulls of consecutive sets, whose
-/// union is the region. `sets` contains the vertices of the set after each step.
+/// The region that convex sets sweep from the origin. The result contains the convex hulls of
+/// consecutive sets, and the region is the union of these hulls. `sets` contains the vertices of
+/// the set after each step.
 pub(super) fn swept(sets: &[Vec<[f64; 2]>]) -> Vec<Vec<[f64; 2]>> {
     let now = vec![[0.0; 2]];
     let before = core::iter::once(&now).chain(sets);
@@ -50,9 +51,9 @@ pub(super) fn swept_area(sets: &[Vec<[f64; 2]>]) -> f64 {
     union_area(&swept(sets))
 }
 
-/// Area of the union of convex polygons. The result is exact: between consecutive abscissae of
-/// vertices and crossings, the length of the union's cross-section is linear, so its value at the
-/// midpoint gives the area.
+/// Area of the union of convex polygons. The result is exact, because the length of the union's
+/// cross-section is linear between consecutive abscissae of vertices and crossings. So the length
+/// at the midpoint of such an interval gives the area.
 fn union_area(polygons: &[Vec<[f64; 2]>]) -> f64 {
     let mut cuts: Vec<f64> = polygons.iter().flatten().map(|p| p[0]).collect();
     for (i, a) in polygons.iter().enumerate() {
@@ -81,7 +82,7 @@ fn edges(polygon: &[[f64; 2]]) -> impl Iterator<Item = [[f64; 2]; 2]> + '_ {
     polygon.iter().zip(next).map(|(&a, &b)| [a, b])
 }
 
-/// The abscissa at which two edges cross.
+/// The abscissa at which two edges cross. Returns `None` if they do not cross.
 fn crossing([a, b]: [[f64; 2]; 2], [c, d]: [[f64; 2]; 2]) -> Option<f64> {
     let apart = |i: usize| a[i].max(b[i]) < c[i].min(d[i]) || c[i].max(d[i]) < a[i].min(b[i]);
     if apart(0) || apart(1) {

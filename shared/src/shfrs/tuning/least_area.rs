@@ -8,7 +8,8 @@ use crate::shfrs::window::Window;
 use crate::shfrs::window_sets::Prediction;
 use crate::stats::beta_quantile;
 
-/// Bounds that some candidates have for one window, and an interval that contains their score.
+/// Bounds that one or more candidates have for one window, and an interval that contains the score
+/// of these bounds.
 struct Base {
     bounds: Vec<(f64, f64)>,
     /// Lower bound on the score.
@@ -17,12 +18,12 @@ struct Base {
     most: f64,
 }
 
-/// The ranks among `n` ≥ 1 training scores at which the calibrated level may be. They are at
-/// equally likely quantiles of the Beta distribution (a, b) of the share of trajectories that the
-/// calibrated set will contain.
+/// Ranks among `n` ≥ 1 training scores at which the calibrated level may lie. The share of
+/// trajectories that the calibrated set will contain has the Beta distribution (a, b). The ranks
+/// are at equally likely quantiles of this share.
 ///
-/// Several ranks are necessary because the area can jump from one score to the next. With the rank
-/// of the mean share alone, the selected settings might be good at this rank only by chance.
+/// Several ranks are necessary because the area can jump from one score to the next. If only the
+/// rank of the mean share were used, a candidate could be best at this rank by chance.
 pub(super) fn ranks((a, b): (f64, f64), n: usize) -> [usize; RANKS] {
     core::array::from_fn(|i| {
         let share = beta_quantile((i as f64 + 0.5) / RANKS as f64, a, b);
@@ -41,10 +42,10 @@ const BOUNDS_KNOWN: f64 = 0.5;
 /// candidate is returned.
 ///
 /// Computing scores takes most of the time. So each score first gets an interval from turn rates
-/// and headings alone. These intervals give a lower bound on each candidate's levels, and so on its
-/// area. Candidates are visited in ascending order of this bound, until it exceeds the least area
-/// found so far. For a visited candidate, only the scores that could be at one of the ranks are
-/// computed.
+/// and headings alone. These intervals give a lower bound on each candidate's levels, and therefore
+/// on its area. Candidates are visited in ascending order of this lower bound, until the bound
+/// exceeds the least area found so far. For a visited candidate, only the scores that could be at
+/// one of the ranks are computed.
 pub(super) fn least_area(
     windows: &[Window<'_>],
     prediction: &Prediction<'_, impl ActionModel + Sync>,

@@ -1,11 +1,11 @@
 //! Wilcoxon's signed-rank test with its effect size, estimate and interval.
 //!
-//! Pairs without a difference are dropped **everywhere**, as in R's `wilcox.test`: the test, the
+//! Pairs without a difference are dropped **everywhere**, as in R's `wilcox.test`. The test, the
 //! effect size, the estimate and the interval all use only nonzero differences. The interval
-//! inverts the test with a single null distribution, which belongs to the ranks at zero. Let W(x)
-//! be the number of pairwise means above x, plus half the number of pairwise means equal to x. W(0)
-//! is the test statistic, even with ties. W decreases as x grows, so the values of x that the null
-//! distribution does not reject form an interval between two of these means.
+//! inverts the test with a single null distribution, which belongs to the ranks of the unshifted
+//! differences. Let W(x) be the number of pairwise means above x, plus half the number of pairwise
+//! means equal to x. Then W(0) is the test statistic, even with ties. W decreases as x grows, so
+//! the values of x that the test does not reject form an interval between two of these means.
 
 use super::{MOST_COUNTED, TIE, check, doubled_ranks, is_shown, normal_two_sided};
 use super::{tie_term, two_sided, ways_to_sign};
@@ -27,9 +27,9 @@ pub struct SignedRank {
     pub rank_biserial: f64,
     /// The typical difference: [`hodges_lehmann`] of the nonzero differences.
     pub typical: f64,
-    /// The shifts that the test does not reject; `None` if it could not reject any. If the test
-    /// rejects 0 but no shift next to it, the interval begins or ends next to 0, with
-    /// [`f64::MIN_POSITIVE`] or its negative. A typical difference of 0 is replaced in the same
+    /// The shifts that the test does not reject. `None` if the test could not reject any shift. The
+    /// test may reject 0 but no shift next to 0. The interval then begins or ends at
+    /// [`f64::MIN_POSITIVE`] or at its negative. A typical difference of 0 is replaced in the same
     /// way.
     pub interval: Option<[f64; 2]>,
 }
@@ -46,8 +46,8 @@ impl SignedRank {
         let (p, rank_biserial) = (null.p(of.positive()), of.balance());
         let means = sorted_means(&of.differences);
         let (mut typical, mut interval) = (median(&means), null.kept(&means));
-        // The interval would fully include a pairwise mean of 0, but the test counts only half of
-        // it.
+        // If a pairwise mean is 0, the interval would include 0, but the test counts only half of
+        // this mean.
         if is_shown(p) {
             let beside = if rank_biserial > 0.0 {
                 |x: f64| x.max(f64::MIN_POSITIVE)
@@ -61,10 +61,10 @@ impl SignedRank {
     }
 }
 
-/// The p-value of Wilcoxon's signed-rank test (Biometrics Bulletin 1, 1945) for pairs; equal pairs
-/// are dropped. It is the probability that random signs give the differences' ranks a sum at least
-/// as far from its mean. Exact for up to 60 pairs; above that, the normal approximation with the
-/// correction for ties. It is 1 if all pairs are equal.
+/// The p-value of Wilcoxon's signed-rank test (Biometrics Bulletin 1, 1945) for pairs. Equal pairs
+/// are dropped. The p-value is the probability that random signs give a rank sum at least as far
+/// from the mean rank sum. It is exact for up to 60 pairs. For more pairs, the normal approximation
+/// with the correction for ties is used. The p-value is 1 if all pairs are equal.
 ///
 /// # Errors
 /// [`Invalid`] if the lists are empty or differ in length, or if a number is not finite.
@@ -76,19 +76,20 @@ pub fn wilcoxon(first: &[f64], second: &[f64]) -> Result<f64, Invalid> {
     Ok(Null::of(&of.ranks).p(of.positive()))
 }
 
-/// The matched-pairs rank-biserial correlation, the effect size of [`wilcoxon`]: the rank sum of
-/// the pairs in which `first` is larger, minus the rank sum of the others, over the sum of all
-/// ranks (Kerby, Comprehensive Psychology 3, 2014). It ranges from −1 (`second` is larger in every
-/// pair) to 1. Equal pairs are omitted; it is 0 if all pairs are equal.
+/// The matched-pairs rank-biserial correlation, which is the effect size of [`wilcoxon`] (Kerby,
+/// Comprehensive Psychology 3, 2014). It is the rank sum of the pairs in which `first` is larger,
+/// minus the rank sum of the pairs in which `second` is larger, divided by the sum of all ranks. It
+/// ranges from −1 (`second` is larger in every pair) to 1. Equal pairs are omitted. It is 0 if all
+/// pairs are equal.
 #[must_use]
 pub fn rank_biserial(first: &[f64], second: &[f64]) -> f64 {
     Signed::of(first.iter().zip(second).map(|(a, b)| a - b)).balance()
 }
 
-/// The Hodges–Lehmann estimate of a typical difference: the median of the means of all pairs of
-/// differences, including each difference with itself (Annals of Mathematical Statistics 34, 1963).
-/// It matches [`wilcoxon`] if no difference is zero; [`SignedRank`] omits zeros. Returns 0 for an
-/// empty list.
+/// The Hodges–Lehmann estimate of a typical difference (Annals of Mathematical Statistics 34,
+/// 1963). It is the median of the means of all pairs of differences, including each difference with
+/// itself. It matches [`wilcoxon`] if no difference is zero. [`SignedRank`] omits zeros, but this
+/// function does not. Returns 0 for an empty list.
 #[must_use]
 pub fn hodges_lehmann(differences: &[f64]) -> f64 {
     median(&sorted_means(differences))
@@ -122,19 +123,19 @@ impl Signed {
         all.filter(|(_, d)| **d > 0.0).map(|(rank, _)| rank).sum()
     }
 
-    /// The rank sum of the positive differences minus the rank sum of the others, over the sum of
-    /// all ranks.
+    /// The rank sum of the positive differences minus the rank sum of the negative differences,
+    /// divided by the sum of all ranks.
     fn balance(&self) -> f64 {
         let (all, positive) = (self.ranks.iter().sum::<usize>(), self.positive());
         (2.0 * positive as f64 - all as f64) / all.max(1) as f64
     }
 }
 
-/// The distribution of twice the rank sum of positive differences under random signs.
+/// The null distribution, under random signs, of the rank sum of the positive differences.
 enum Null {
-    /// The number of ways to obtain each value of the doubled sum.
+    /// The number of ways to obtain each value of the doubled rank sum.
     Exact(Vec<f64>),
-    /// Mean and variance of the sum, which is not doubled.
+    /// Mean and variance of the rank sum, which is not doubled.
     Normal { mean: f64, variance: f64 },
 }
 
@@ -162,10 +163,11 @@ impl Null {
     /// The smallest and the largest shift that are not rejected, given the sorted pairwise `means`.
     /// Returns `None` if no shift is rejected.
     fn kept(&self, means: &[f64]) -> Option<[f64; 2]> {
-        // Doubled sums from 0 to the sum of all ranks, which is twice the number of means.
+        // Doubled sums from 0 to the middle of their range. The number of means is half the largest
+        // doubled sum.
         let sums: Vec<usize> = (0..=means.len()).collect();
         let least = sums.partition_point(|sum| is_shown(self.p(*sum)));
-        // Index of the lower end among the means; the upper end mirrors it.
+        // Index of the lower end among the means. The upper end is at the mirrored index.
         let place = least.div_ceil(2).checked_sub(1)?;
         Some([means[place], means[means.len() - 1 - place]])
     }

@@ -66,7 +66,7 @@ pub(super) struct Shown {
     step_s: f64,
     /// The start on the page's clock (ms). Pauses shift it.
     start_ms: f64,
-    /// When the pause began, if paused.
+    /// The time at which the current pause began (ms), if there is a pause.
     paused_ms: Option<f64>,
     /// Number of steps begun.
     begun: usize,

@@ -1,5 +1,4 @@
-//! The model of the driver, which learns from scene after scene, and the quality of its
-//! predictions.
+//! The model of the driver, which learns from each scene, and the quality of its predictions.
 
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
@@ -19,7 +18,7 @@ pub(super) struct Model {
     pub(super) is_fitted: bool,
     /// The predictor.
     pub(super) learned: Learned,
-    /// How well the model before each scene predicted that scene.
+    /// For each scene, how well it was predicted by the model learned before it.
     pub(super) foreseen: Vec<Foreseen>,
 }
 

@@ -1,4 +1,4 @@
-//! Points that teach without words where the danger zone is. Driving close to it earns points, and
+//! Points that show without words where the danger zone is. Driving close to it earns points, and
 //! entering it loses all points of the scene.
 
 use sidestep::chart::{LegendItem, Pen, colours};
@@ -65,7 +65,7 @@ impl Score {
         }
     }
 
-    /// Legend entry for that band.
+    /// Legend entry for the band around the robot.
     pub(super) fn legend() -> LegendItem {
         let text = "rings: they earn points, the inner ones more";
         LegendItem::disc(text, Some(colours::HUMAN.at(0.09)), Pen::new(colours::HUMAN.at(0.4), 0.5))
@@ -83,8 +83,8 @@ impl Score {
     }
 }
 
-/// Fraction of the maximum points at a distance. It is 1 at the edge of the danger zone and 0 from
-/// two radii on.
+/// Fraction of the maximum points at a distance. It is 1 at the edge of the danger zone, and 0 at a
+/// distance of two or more radii.
 fn share(parameters: &SceneParameters, distance_m: f64) -> f64 {
     let beyond = distance_m / parameters.danger_radius_m - 1.0;
     let near = (1.0 - beyond.max(0.0)).max(0.0);
@@ -118,8 +118,8 @@ mod tests {
         assert!((caught.closest_m - 2.9).abs() < 1e-9);
     }
 
-    /// At 3.1 m aside and a closing speed of 4 m/s, the sum over the steps approximates the
-    /// integral over time.
+    /// The robot passes 3.1 m aside at a closing speed of 4 m/s. The sum over the steps
+    /// approximates the integral over time.
     #[test]
     fn points_are_a_hundred_a_second_at_the_edge() {
         let parameters = SceneParameters::default();

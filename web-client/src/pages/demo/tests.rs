@@ -56,7 +56,8 @@ fn a_scene_is_driven_scored_and_learned_from() {
     assert!(!session.page.owns_key("Tab"));
     session.drive(1000.0, "ArrowLeft");
 
-    // The trial is the same as these keys would give in the study: left from step 11 to step 20.
+    // The recorded trial is the one that these keys would give in the study: left from step 11 to
+    // step 20.
     let recorded = session.demo().playback.recorded().clone();
     let turn = |step| if (11..=20).contains(&step) { TurnInput::Left } else { TurnInput::Straight };
     let inputs: Vec<TurnInput> = (0..50).map(turn).collect();
@@ -69,14 +70,14 @@ fn a_scene_is_driven_scored_and_learned_from() {
     assert!(session.words("model").unwrap().contains("trained on 1 scene."));
     assert!(session.words("card").unwrap().contains("at the closest"));
 
-    // The next scene is a different one, and the learned model predicts it.
+    // The next scene is different, and the learned model predicts it.
     session.drive(30_000.0, "KeyD");
     assert_eq!((session.demo().index, session.demo().points.len()), (1, 2));
     assert!(session.words("model").unwrap().contains("trained on 2 scenes."));
     assert_ne!(session.demo().playback.recorded().scene, recorded.scene);
 }
 
-/// Compares the tubes that are drawn at each instant with the true future positions.
+/// Compares the drawn tubes at each instant with the true future positions.
 #[test]
 fn what_stayed_inside_is_counted_as_it_was_drawn() {
     let mut session = opened(&[]);
@@ -135,7 +136,7 @@ fn a_synthetic_driver_is_watched_scene_after_scene() {
     let whole = person.drive(0, &demo.parameters, demo.scene(), Keys::Clock);
     assert_eq!(demo.playback.recorded().inputs, whole.inputs[..13]);
     assert_eq!(demo.playback.recorded().states, whole.states[..14]);
-    // A key pauses the scene, and so does hiding the page.
+    // Both a key and hiding the page pause the scene.
     session.key("Space", true);
     assert!(!session.page.wants_frames());
     session.at(9000.0).frame();
@@ -205,7 +206,7 @@ fn a_link_that_is_not_valid_is_named() {
     assert_eq!(opened(&[("t", "soon")]).words("misread"), None);
 }
 
-/// For a minute, random keys are pressed and released. Nothing fails, and each step has the input
+/// Random keys are pressed and released for a minute. Nothing fails, and each step has the input
 /// for its time.
 #[test]
 fn wild_keys_do_no_harm() {

@@ -10,7 +10,7 @@ use sidestep::trial_view::style::Palette;
 
 type Node = view::Node<Msg>;
 
-/// Keys of the layers, in order.
+/// Shortcut keys of the layers, in order.
 const KEYS: [(&str, &str); 9] = [
     ("Digit1", "1"),
     ("Digit2", "2"),
@@ -23,7 +23,7 @@ const KEYS: [(&str, &str); 9] = [
     ("Digit9", "9"),
 ];
 
-/// The layer that a key switches.
+/// The layer that a key shows or hides, if any.
 pub(super) fn layer_of(code: &str) -> Option<usize> {
     let place = KEYS.iter().position(|(known, _)| *known == code)?;
     offered().nth(place)

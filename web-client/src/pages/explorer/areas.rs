@@ -1,4 +1,4 @@
-//! The area that a given coverage needs: SHFRS compared with simpler predictions, as charts and as
+//! The area that a given coverage needs, for SHFRS and for simpler predictions, as charts and
 //! tables.
 
 use super::{Explorer, Msg, tuning};
@@ -22,13 +22,13 @@ type Node = view::Node<Msg>;
 #[derive(Default)]
 pub(super) struct Areas {
     number: u32,
-    /// Whether the comparer has the tasks and the predictor.
+    /// Whether the comparer already has the tasks and the predictor.
     pub(super) is_introduced: bool,
-    /// The settings that the last question was about, normalized by [`without_epsilon`].
+    /// The settings of the last question, normalized by [`without_epsilon`].
     asked: Option<ShfrsFile>,
     done: f64,
-    /// The results and their charts, for these settings or, until those arrive, for the previous
-    /// ones.
+    /// The results and their charts, for these settings or, until the new results arrive, for the
+    /// previous settings.
     found: Option<(Pareto, Vec<Element>)>,
     is_old: bool,
     trouble: Option<String>,
@@ -54,14 +54,15 @@ impl Areas {
         is_other
     }
 
-    /// Hides outdated results. If the current sets cannot be counted, they are not compared either.
+    /// Hides outdated results. If the current sets cannot be counted, they cannot be compared
+    /// either.
     pub(super) fn hide(&mut self) {
         if self.is_old {
             self.found = None;
         }
     }
 
-    /// Creates a question about these settings, unless they were already asked about.
+    /// Creates a question about the area. Returns `None` if the current question is still valid.
     pub(super) fn ask(&mut self, wanted: &ShfrsFile, parts: Parts) -> Option<AreaQuestion> {
         if self.asked.is_some() {
             return None;
@@ -96,8 +97,8 @@ impl Areas {
     }
 }
 
-/// Normalizes settings for the comparison, because its curve covers every ε and uses `base`
-/// roll-outs.
+/// Normalizes settings: removes what does not affect the comparison, because its curve covers every
+/// ε and uses `base` roll-outs.
 fn without_epsilon(settings: &ShfrsFile) -> ShfrsFile {
     let mut settings = settings.clone();
     (settings.epsilon, settings.rollout) = (Vec::new(), Rollout::Base);
@@ -120,7 +121,7 @@ pub(super) fn section(explorer: &Explorer) -> Node {
         .attr("value", fixed(it.done, 3))
         .attr_if(!is_busy, "class", "done")
         .test_id("compared");
-    // The results are for settings that were valid.
+    // Results are shown only for valid settings.
     let found = it.found.as_ref().filter(|_| explorer.is_valid());
     let nothing = found.is_none() && it.trouble.is_none();
     let waiting = nothing.then(|| match explorer.lacks_tasks_to_compare() {
@@ -177,7 +178,7 @@ fn grid(it: &Areas, pareto: &Pareto, charts: &[Element]) -> Node {
 /// Coverages at which the table samples the curves.
 const READ_AT: [f64; 5] = [0.5, 0.75, 0.9, 0.95, 1.0];
 
-/// The charts' numbers as tables.
+/// The numbers of the charts as tables.
 fn twin(pareto: &Pareto) -> Node {
     let row =
         |row: &ParetoRow| {

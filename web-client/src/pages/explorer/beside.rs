@@ -1,5 +1,5 @@
-//! Messages between the page and its three evaluators. One counts and trains the predictor, one
-//! compares areas, and one tunes. None of them waits for another.
+//! Messages between the page and its three evaluators, which work in parallel. One trains the
+//! predictor and counts, one compares areas, and one tunes.
 
 use super::predictor::Ask;
 use super::{Explorer, Msg};
@@ -14,7 +14,7 @@ use std::rc::Rc;
 /// An evaluator, which runs in a worker.
 struct Beside {
     name: &'static str,
-    /// Converts its reports to messages of the page.
+    /// Converts the evaluator's reports to messages of the page.
     then: fn(Answer) -> Msg,
 }
 
@@ -35,7 +35,7 @@ impl Beside {
 }
 
 impl Explorer {
-    /// Uses the value functions, once both are loaded.
+    /// Uses the value functions as soon as both are loaded.
     pub(super) fn take_safety(&mut self) -> Commands<Msg> {
         if self.playback.safety().is_some() {
             return Vec::new();
@@ -75,7 +75,7 @@ impl Explorer {
         self.choice.arrived(answer).map(|file| self.use_file(file)).unwrap_or_default()
     }
 
-    /// Uses a predictor from outside the evaluator, and sends it to the evaluator.
+    /// Uses a predictor that the evaluator did not train, and sends it to the evaluator.
     fn use_file(&mut self, file: PredictorFile) -> Commands<Msg> {
         let mut commands = vec![COUNTER.tell(Part::Predictor, json::write(&file).into_bytes())];
         self.predict_with(file);
@@ -131,7 +131,7 @@ impl Explorer {
         commands
     }
 
-    /// Asks how much area a coverage needs, unless that was already asked for these settings.
+    /// Asks how much area a coverage needs, unless this was already asked for these settings.
     fn ask_areas(&mut self) -> Commands<Msg> {
         if self.lacks_tasks_to_compare().is_some() {
             return Vec::new();
@@ -145,7 +145,7 @@ impl Explorer {
         commands
     }
 
-    /// Starts tuning, in an evaluator that exists only while it tunes.
+    /// Starts tuning, in an evaluator that is cancelled as soon as tuning ends.
     pub(super) fn tune(&mut self) -> Commands<Msg> {
         if self.playback.learned().is_none() || !self.is_valid() {
             return Vec::new();

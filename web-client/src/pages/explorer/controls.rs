@@ -1,4 +1,4 @@
-//! The settings of a prediction as form controls. Errors are shown beside their control.
+//! The settings of a prediction as form controls. Each error is shown beside its control.
 
 use super::{Explorer, Msg};
 use crate::form::FieldValue;
@@ -111,7 +111,7 @@ fn actions(explorer: &Explorer) -> Vec<Node> {
     nodes
 }
 
-/// A slider with its label and its value in words. `then` converts its input to a message.
+/// A slider with its label and with its value in words. `then` converts input to a message.
 fn slider(
     id: &'static str,
     label: &str,
@@ -140,8 +140,8 @@ pub(super) fn said(explorer: &Explorer, fields: &[&str]) -> Option<Node> {
     fields.contains(&named).then(|| alert("complaint", &worded(&format!("{complaint}."))))
 }
 
-/// Lets at least `least` actions count in the first `upto` steps, and fewer than `least`
-/// afterwards.
+/// Admits at least `least` actions in the first `upto` steps, and fewer than `least` in the later
+/// steps.
 pub(super) fn count_up_to(settings: &mut ShfrsFile, least: usize, upto: usize) {
     for (i, k) in settings.k.iter_mut().flatten().enumerate() {
         *k = if i < upto { (*k).max(least) } else { (*k).min(least - 1) };
@@ -166,7 +166,7 @@ pub(super) fn file(explorer: &Explorer) -> Node {
     );
     let is_right = explorer.complaint.is_none() && explorer.is_valid();
     let save = button("save", Msg::Save).attr_if(!is_right, "disabled", "").text("Save as a file");
-    // The command line leaves out test runs.
+    // The command line excludes test runs.
     let command = (!explorer.drives.pilot).then(|| {
         el("pre").attr("tabindex", "0").child(el("code").test_id("command").text(command))
     });

@@ -1,4 +1,4 @@
-//! The link to a view of the explorer: how the explorer opens from it, and how it is written.
+//! The link to a view of the explorer: opening the explorer from it, and writing it.
 
 use super::areas::Areas;
 use super::predictor::Choice;
@@ -15,7 +15,7 @@ use sidestep::shfrs::file::{PRESETS, ShfrsFile};
 use sidestep::trial_view::Playback;
 use sidestep::trial_view::view::View;
 
-/// The link parameters that only the explorer itself uses.
+/// The link parameters that only the explorer uses.
 const NAMES: [&str; 2] = ["trial", "count"];
 
 impl Explorer {

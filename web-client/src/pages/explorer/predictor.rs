@@ -32,7 +32,7 @@ pub(super) struct Choice {
 /// A predictor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Chosen {
-    /// Trained in the evaluator, on the same tasks that the command line would use.
+    /// Trained in the evaluator, on the tasks that the command line would use for training.
     Here,
     /// Trained by the server on all trials before the current one.
     Earlier,
@@ -47,9 +47,9 @@ enum Chosen {
 struct Known {
     /// The number of trials that trained it.
     trials: usize,
-    /// The ids of these trials.
+    /// The ids of the trials that trained the predictor.
     trained_on: Vec<String>,
-    /// Why the predictor has only the frequencies of the inputs, if so.
+    /// The reason why the predictor uses only the frequencies of the inputs, if it does.
     fallback: Option<String>,
     /// The analysis that trained the predictor, if any.
     source: Option<PredictorSource>,
@@ -61,12 +61,12 @@ pub(super) enum Ask {
     Server(Request<Msg>),
     /// From the evaluator, which must train it.
     Evaluator(Training),
-    /// Already known, or an error.
+    /// From nowhere: the predictor is already known, or there is an error.
     Nobody(Result<PredictorFile, Invalid>),
 }
 
-/// The feature sets to choose from: name in links, features, and label. The first one is the
-/// default of the command line.
+/// The feature sets to choose from, each with its name in links, its features and its label. The
+/// first one is the default of the command line.
 const FEATURES: [(&str, &[&str], &str); 9] = [
     ("usual", &["hrd", "robot_ahead", "robot_left"], "B, V_HR, V_RH, distance, robot ahead, left"),
     ("hrd", &["hrd"], "B_hrd: B, V_HR, V_RH, distance"),
@@ -79,8 +79,7 @@ const FEATURES: [(&str, &[&str], &str); 9] = [
     ("b", &[""], "B: relative position and heading"),
 ];
 
-/// Splits this number of tasks as the command line does; the predictor is trained on the first
-/// part.
+/// Splits this number of tasks as the command line does. The first part is for training.
 fn parts(tasks: usize) -> Parts {
     Split::USUAL.parts(tasks).unwrap_or_default()
 }
@@ -97,8 +96,8 @@ impl Choice {
         parts(drives.tasks.len())
     }
 
-    /// The choice that the page's address describes; by default, the command line's default. Also
-    /// returns an error message if the address has an unknown value.
+    /// The choice that the page's address describes. Without a choice in the address, it is the
+    /// command line's default. Also returns an error message if the address has an unknown value.
     pub(super) fn of(address: &Address) -> (Self, Option<String>) {
         let mut misread = None;
         let chosen = match (Named::of(address), address.parameter("predictor")) {
@@ -140,7 +139,8 @@ impl Choice {
         self.refused.is_some()
     }
 
-    /// Command-line flags for the same predictor; `None` if the command line cannot train it.
+    /// Command-line flags for the same predictor. Returns `None` if the command line cannot train
+    /// it.
     pub(super) fn flags(&self) -> Option<String> {
         let (usual, ..) = FEATURES[0];
         let set = FEATURES.iter().find(|(name, ..)| *name == self.features);
@@ -190,7 +190,7 @@ impl Choice {
         self.chosen == Chosen::Earlier
     }
 
-    /// The choice as part of a query; empty for the default.
+    /// The choice as part of a query. Empty for the default.
     pub(super) fn query(&self) -> String {
         match &self.chosen {
             Chosen::Here if self.features == FEATURES[0].0 => String::new(),
@@ -201,7 +201,7 @@ impl Choice {
         }
     }
 
-    /// If the predictor is a model of an analysis, that model as part of a query. Otherwise empty.
+    /// The predictor as part of a query if it is a model of an analysis. Otherwise empty.
     pub(super) fn named(&self) -> String {
         match &self.chosen {
             Chosen::Named(named) => named.query(),
@@ -209,8 +209,8 @@ impl Choice {
         }
     }
 
-    /// Where to get the predictor from, for a trial of a participant with this number of tasks.
-    /// `number` is the number for the evaluator's report.
+    /// Determines where to get the predictor from, for a trial of a participant with this number of
+    /// tasks. The evaluator's report will repeat `number`.
     pub(super) fn ask(&mut self, trial_id: &str, tasks: usize, number: u32) -> Ask {
         (self.known, self.refused) = (None, None);
         let route = routes::admin_predictor(trial_id);
@@ -264,8 +264,8 @@ impl Choice {
         self.refused = Some(format!("No predicted sets. {why}"));
     }
 
-    /// Splits the tasks as the command line does, but leaves out tasks on which the predictor was
-    /// trained, because they must not be used to calibrate or test it.
+    /// Splits the tasks as the command line does, but leaves out the tasks on which the predictor
+    /// was trained. Such tasks must not be used to calibrate or test it.
     pub(super) fn parts(&self, drives: &Drives) -> Parts {
         let unseen = self.unseen(drives);
         let mut parts = parts(drives.tasks.len());
@@ -279,7 +279,7 @@ impl Choice {
     pub(super) fn unseen(&self, drives: &Drives) -> Vec<usize> {
         let tasks = &drives.tasks;
         if self.chosen == Chosen::Here {
-            // These are the tasks that the command line counts, in its order.
+            // The command line counts these tasks, in this order.
             let Parts { calibration, test, .. } = parts(tasks.len());
             return [calibration, test].concat();
         }

@@ -1,4 +1,4 @@
-//! The predicted sets, one per row: widening, area, and how often the set contains the future.
+//! The predicted sets, one per row, with widening, area, and how often the set contains the future.
 
 use super::controls::said;
 use super::{Explorer, Msg};
@@ -34,7 +34,7 @@ pub(super) fn section(explorer: &Explorer) -> Node {
 
 fn row(explorer: &Explorer, j: usize, sign: Option<&LegendItem>) -> Node {
     let epsilon = explorer.wanted.epsilon[j];
-    // A larger widening would have no effect, because the prediction already admits every turn
+    // A larger widening has no additional effect, because the prediction already admits every turn
     // rate.
     let most = 2.0 * explorer.drives.parameters.human.turn_rate_radps;
     let most = number(most.max(explorer.wanted.epsilon.iter().copied().fold(0.0, f64::max)));
@@ -82,7 +82,7 @@ fn row(explorer: &Explorer, j: usize, sign: Option<&LegendItem>) -> Node {
         .child(p.test_id(&format!("p-{j}")))
 }
 
-/// The choice of the tasks over which p is counted, with progress and a warning.
+/// The choice of the tasks over which p is counted, with the progress and a warning.
 fn counted(explorer: &Explorer) -> Node {
     let coverage = &explorer.coverage;
     let all = explorer.drives.tasks.len();

@@ -1,4 +1,4 @@
-//! "Tune for p ≥ …": what to tune for, progress, and the result with its guarantee.
+//! "Tune for p ≥ …": the goal of the tuning, its progress, and its result with the guarantee.
 
 use super::predictor::Choice;
 use super::{Explorer, Msg};
@@ -16,21 +16,21 @@ use sidestep::shfrs::tuning::{Parts, Split};
 
 type Node = view::Node<Msg>;
 
-/// What to tune for, and the result.
+/// The goal of the tuning, and its result.
 pub(super) struct Tuning {
     number: u32,
     /// The required probability that a trajectory stays inside F_1.
     p: f64,
-    /// Whether the guarantee is for each calibration, with high confidence, and not only on
-    /// average.
+    /// Whether the guarantee must hold with high confidence for the individual calibration.
+    /// Otherwise it holds only on average.
     is_sure: bool,
-    /// Progress, while the tuner is working.
+    /// Progress of the tuner. `None` while it is idle.
     done: Option<f64>,
     found: Option<Found>,
     trouble: Option<String>,
 }
 
-/// Probability that a calibration may fail, the command line's default.
+/// Probability that a calibration may fail. It is the command line's default.
 const DELTA: f64 = 0.05;
 
 impl Default for Tuning {
@@ -63,7 +63,7 @@ impl Tuning {
         self.done.is_some()
     }
 
-    /// Ends tuning.
+    /// Ends tuning. Later reports are outdated.
     pub(super) fn stop(&mut self) {
         (self.done, self.number) = (None, self.number + 1);
     }
@@ -185,7 +185,7 @@ pub(super) fn lacking(explorer: &Explorer, guarantee: Guarantee, p: f64) -> Opti
     })
 }
 
-/// Offers the predictor that leaves tasks for calibration, if it leaves enough of them.
+/// Offers the predictor that sets tasks aside for calibration, if it sets aside enough of them.
 fn remedy(explorer: &Explorer) -> Option<Node> {
     let it = &explorer.tuning;
     let needed = it.guarantee().needed(it.p).ok()?;
@@ -207,8 +207,8 @@ fn result(explorer: &Explorer, found: &Found) -> Node {
         0 => "no task was left to measure it".to_owned(),
         _ => {
             let inside = (coverage.value * judged as f64).round();
-            // A small sample is imprecise, so it agrees with p unless the whole interval is below
-            // p.
+            // A small sample gives a wide interval. It agrees with p unless the whole interval is
+            // below p.
             let agrees = if coverage.high >= found.p { "agrees with" } else { "is below" };
             format!(
                 "{inside} of {judged} other tasks stayed inside: {} ({} % interval {}–{}), which {agrees} p ≥ {}",

@@ -22,7 +22,7 @@ pub(super) struct AccessPage {
     next_before: Option<i64>,
     /// The new key. It is shown until the user leaves the page, and cannot be shown again.
     made: Option<KeyMade>,
-    /// Number of keys created. The form is reset after each.
+    /// Number of keys created. The form is reset after each new key.
     makings: u32,
     /// The key that the user must confirm to revoke.
     revoking: Option<i64>,
@@ -43,7 +43,7 @@ pub(super) enum Msg {
     Make(Form),
     /// The server created a key.
     Made(Answer),
-    /// Ask for confirmation before a key is revoked; `None` cancels.
+    /// Ask for confirmation before this key is revoked. `None` cancels.
     AskToRevoke(Option<i64>),
     /// The user has confirmed the revocation.
     Revoke(i64),
@@ -52,8 +52,8 @@ pub(super) enum Msg {
 }
 
 impl AccessPage {
-    /// Creates the page and its first commands. Only users with the right to manage see more than
-    /// their own access.
+    /// Creates the page and its first commands. Users without the right to manage see only their
+    /// own access.
     pub(super) fn open(visit: &Visit<'_>) -> (Self, Commands<Msg>) {
         let page = Self {
             name: visit.session.name.clone(),

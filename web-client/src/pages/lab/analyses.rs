@@ -20,7 +20,7 @@ pub(super) struct Analyses {
     study: Option<StudySummary>,
     analyses: Option<Vec<AnalysisSummary>>,
     next_before: Option<i64>,
-    /// Number of analyses requested. The form is reset after each.
+    /// Number of analyses requested. The form is reset after each request.
     requests: u32,
     trouble: Option<String>,
 }
@@ -243,7 +243,7 @@ impl Page for Analyses {
 
 impl Analyses {
     fn table(&self, analyses: &[AnalysisSummary]) -> Node {
-        // The table has a column for cancelling as long as any analysis can be cancelled.
+        // The table has a column for cancelling only while an analysis can be cancelled.
         let may_cancel = self.may_manage && analyses.iter().any(|it| !it.state.is_over());
         let columns = ["Requested", "State", "Settings", "Participants"];
         let columns = columns.into_iter().chain(may_cancel.then_some("Action"));

@@ -41,7 +41,7 @@ pub(super) enum Msg {
     Found(Answer),
     /// The server listed the study's analyses.
     Others(Answer),
-    /// Compare this analysis with another one, or with none.
+    /// Compare this analysis with another one, or stop comparing.
     Compare(FieldValue),
     /// The server described the other analysis.
     Other(Answer),
@@ -207,7 +207,7 @@ impl AnalysisView {
     }
 }
 
-/// Explains the state of the analysis, if the state's name is not enough.
+/// Explains the state of the analysis, if the name of the state is not clear enough.
 fn words(analysis: &AnalysisDetail) -> Option<Node> {
     let summary = &analysis.summary;
     let words = match summary.state {
@@ -270,7 +270,8 @@ fn data(study: &str, analysis: &AnalysisDetail, result: &AnalysisResult) -> Node
         .children(provenance(result))
 }
 
-/// Explains why lists and files have more entries than there are trained models, if they do.
+/// Explains why the lists and files have more entries than there are trained models, if this is the
+/// case.
 fn twice(result: &AnalysisResult) -> Option<String> {
     let models = result.models.filter(|models| *models < result.cells)?;
     Some(format!(
@@ -281,7 +282,7 @@ fn twice(result: &AnalysisResult) -> Option<String> {
     ))
 }
 
-/// The program version and the data from which the files were made.
+/// The program version and the data that produced the files.
 fn provenance(result: &AnalysisResult) -> Option<Node> {
     let (version, hash) = (result.version.as_ref()?, result.data_sha256.as_ref()?);
     let short: String = hash.chars().take(12).collect();

@@ -7,8 +7,8 @@ use crate::view::{Node, el};
 use sidestep::api::{AnalysisResult, AnalysisSummary, MeanAccuracy};
 use std::collections::BTreeMap;
 
-/// Lets the user choose another finished analysis, and shows the comparison once that analysis is
-/// loaded. `chosen` gets the id of the choice.
+/// Lets the user choose another finished analysis, and shows the comparison as soon as that
+/// analysis is loaded. `chosen` converts the chosen id to a message.
 pub(super) fn section<M: Clone + 'static>(
     own: &AnalysisSummary,
     others: &[AnalysisSummary],
@@ -75,7 +75,7 @@ fn inputs<M>(
         .child(table(["What went in", "This analysis", "The other", "Compared"], rows))
 }
 
-/// Mean accuracies of the models in either analysis.
+/// Mean accuracies of the models in both analyses.
 fn accuracies<M>(result: &AnalysisResult, theirs: &AnalysisResult) -> Node<M> {
     let key = |of: &MeanAccuracy| (of.model.clone(), of.experiment, of.features.clone());
     let of = |accuracies: &[MeanAccuracy]| -> BTreeMap<_, f64> {
@@ -115,7 +115,7 @@ fn accuracies<M>(result: &AnalysisResult, theirs: &AnalysisResult) -> Node<M> {
         ))
 }
 
-/// A container that scrolls horizontally, also by keyboard.
+/// A container that scrolls horizontally, also with the keyboard.
 fn scroll<M>(label: &str) -> Node<M> {
     el("div").class("scroll").attrs(&[("role", "group"), ("tabindex", "0"), ("aria-label", label)])
 }

@@ -1,5 +1,5 @@
-//! The configuration of a study: a form or a file, which is checked while the user edits it; who
-//! can take part; and the links for participants.
+//! The configuration of a study: a form or a file, which is checked while the user edits it, the
+//! people who can take part, and the links for participants.
 //!
 //! The text of the study file is the draft. The form shows the draft, and the server converts input
 //! in the form back to text.
@@ -44,11 +44,11 @@ pub(super) struct ConfigurationPage {
     editor: Editor,
     /// Whether the differences are shown and the user must confirm to store the draft.
     confirming: bool,
-    /// Whether the study is incomplete and the user must confirm to open it.
+    /// Whether the study is incomplete, so that the user must confirm to open it.
     opening: bool,
     /// Whether the draft was just stored.
     stored: bool,
-    /// Whether another user has stored another configuration meanwhile.
+    /// Whether another user has stored a different configuration in the meantime.
     overtaken: bool,
     trouble: Option<String>,
 }
@@ -68,11 +68,11 @@ pub(super) enum Msg {
     Language(String),
     /// A field of the form has changed.
     Edit(Edit),
-    /// Rebuild the form with other fields, and focus this control.
+    /// Apply this edit, rebuild the form with other fields, and focus this control.
     Rebuild(Edit, String),
     /// The text has changed.
     Typed(FieldValue),
-    /// The pause in typing is long enough for a check.
+    /// The user has stopped typing for long enough, so check the draft.
     Check,
     /// The server checked the draft.
     Checked(Answer),
@@ -92,7 +92,7 @@ pub(super) enum Msg {
     Reload,
 }
 
-/// Length of the pause in typing after which the draft is checked (ms).
+/// Delay after the last input before the draft is checked (ms).
 const PAUSE_MS: f64 = 350.0;
 
 /// Template for a new study.
@@ -184,7 +184,7 @@ impl ConfigurationPage {
         Command::Send(Request { method: "POST", body: Some(body), ..ask })
     }
 
-    /// Handles input: schedules a check of the draft after a pause in typing.
+    /// Handles input: schedules a check of the draft for when the user stops typing.
     fn entered(&mut self) -> Commands<Msg> {
         (self.confirming, self.stored) = (false, false);
         let wake = Command::Wake { timer: "pause", after_ms: PAUSE_MS, message: Msg::Check };
@@ -222,7 +222,7 @@ fn copy_of(configuration: &Configuration) -> String {
         Some(("status", _)) => String::new(),
         _ => format!("{line}\n"),
     };
-    // Only the lines before the first table describe the study itself.
+    // Only the lines before the first table are settings of the study itself.
     let (head, tables) = match configuration.toml.find("\n[") {
         Some(at) => configuration.toml.split_at(at + 1),
         None => (configuration.toml.as_str(), ""),
@@ -288,7 +288,7 @@ impl Page for ConfigurationPage {
                         commands.push(Command::Visit(Tab::Configuration.address(&stored.study)));
                         return commands;
                     }
-                    // Until the user leaves the page, the text stays as the user wrote it,
+                    // Until the user leaves the page, the text stays exactly as the user wrote it,
                     // including comments.
                     self.editor.stored();
                     (self.confirming, self.stored) = (false, true);
@@ -367,7 +367,7 @@ impl ConfigurationPage {
         self.may_manage.then(|| link.test_id("copy").text("Duplicate"))
     }
 
-    /// The study as a form or as text, with the server's remarks and the buttons that store the
+    /// The study as a form or as text, with the server's remarks and the buttons to store the
     /// draft.
     fn configuration(&self) -> Node {
         let editor = el("div")

@@ -32,7 +32,7 @@ pub(super) enum Msg {
     Configuration(Answer),
 }
 
-/// The formats: the word in the URL, the name, and what the format is for. The first format is the
+/// The formats, each with its word in the URL, its name, and its purpose. The first format is the
 /// default.
 const FORMATS: [(&str, &str, &str); 5] = [
     ("csv", "CSV", "for R, pandas, spreadsheets"),
@@ -110,8 +110,7 @@ impl Page for Export {
 }
 
 impl Export {
-    /// The form with the options. The browser itself requests the archive and saves it while
-    /// downloading it.
+    /// The form with the options. The browser itself requests the archive and saves it to a file.
     fn form(&self, study: &StudySummary) -> Node {
         let format = |(place, &(word, name, use_))| {
             let input = el("input")
@@ -124,7 +123,7 @@ impl Export {
         let formats = el("fieldset")
             .child(el("legend").text("Format"))
             .children(FORMATS.iter().enumerate().map(format));
-        // A study that returned to an earlier configuration has two versions with the same hash.
+        // If a study returned to an earlier configuration, two of its versions have the same hash.
         let newest = |(i, version): &(usize, &ConfigurationVersion)| {
             !self.versions[..*i].iter().any(|newer| newer.hash == version.hash)
         };

@@ -59,7 +59,7 @@ impl Page for Home {
                 }
                 Err(failure) => self.trouble = Some(failure.sentence),
             },
-            // Without an answer, no errors are known. The self-check page shows the reason.
+            // If the request failed, no errors are known. The self-check page shows the reason.
             Msg::Checked(answer) => {
                 self.faults = read(answer).ok().as_ref().and_then(data_check::trouble);
             }
@@ -73,7 +73,7 @@ impl Page for Home {
             (None, Some(why)) => return parts::stuck("No studies to show", why),
             (None, None) => return parts::loading(),
         };
-        // Before anyone has taken part, there is nothing to monitor, but much to try.
+        // Before anyone has taken part, there is nothing to monitor, so suggest first steps.
         let begins = studies.iter().all(|study| study.participants == 0);
         let newest = studies.iter().find(|study| !study.synthetic).filter(|_| begins);
         el("main")

@@ -1,5 +1,5 @@
-//! Type erasure for the messages of a page, so that the route table can list all pages. Messages
-//! are typed on both sides of this file.
+//! Type erasure for the messages of a page, so that the route table can list all pages. Outside
+//! this file, messages have their own types.
 
 use crate::runtime::{Commands, Event, Page, Solid};
 use crate::view::Node;

@@ -3,9 +3,9 @@
 use crate::pages::parts::button;
 use crate::view::{Node, el};
 
-/// A pager for a list of `total` entries, of which `shown` after the first `offset` are visible, in
-/// pages of `length`. `go` returns the message for the page that starts after a number of entries.
-/// `None` for an empty list.
+/// A pager for a list of `total` entries in pages of `length`. The current page shows `shown`
+/// entries after the first `offset`. `go` takes the number of entries before a page and returns the
+/// message that shows the page. Returns `None` for an empty list.
 pub(super) fn pager<M>(
     (offset, shown, total): (u64, usize, u64),
     length: u64,

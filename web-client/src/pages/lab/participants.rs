@@ -40,10 +40,10 @@ pub(super) enum Msg {
     Listed(Answer),
     /// Show only participants at this stage, or all if `None`.
     Stage(Option<Stage>),
-    /// Show only participants with this flag, or all if the word is empty.
+    /// Show only participants with this flag, or all participants if the word is empty.
     Having(FieldValue),
-    /// Sort by this column: in descending order, or in ascending order if the list is already
-    /// sorted so.
+    /// Sort by this column in descending order. If the list is already in that order, sort in
+    /// ascending order.
     Sort(&'static str),
     /// Search for the entered text.
     Search(Form),
@@ -151,7 +151,7 @@ impl Page for Participants {
     }
 }
 
-/// Links that try a study on the participant's page, in a new tab.
+/// Links to try a study on the participant's page, in a new tab.
 pub(super) fn trials<M: Clone>(slug: &str) -> [view::Node<M>; 2] {
     let link = |query: &str, name: &str, words: &str| {
         let link = el("a").class("button").attr("href", format!("/s/{slug}?{query}"));

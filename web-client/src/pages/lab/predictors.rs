@@ -1,5 +1,5 @@
-//! The models of an analysis, to download or to use in a replay. The server filters and paginates
-//! them; the page's address contains the selection.
+//! The models of an analysis, for download or for use in a replay. The server filters and paginates
+//! them. The page's address contains the selection.
 
 use super::pager::pager;
 use crate::form::FieldValue;
@@ -21,7 +21,7 @@ pub(super) struct Predictors {
     trouble: Option<String>,
 }
 
-/// The selection of models. Each filter is the text of its URL parameter; empty for all.
+/// The selection of models. Each filter is the text of its URL parameter, or empty for all models.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Chosen {
     participant: String,
@@ -60,8 +60,8 @@ impl Chosen {
         }
     }
 
-    /// The query for the server's list without the page length, which is also the query of the
-    /// page's own address.
+    /// The query for the server's list, without the page length. The page's own address has the
+    /// same query.
     fn query(&self) -> String {
         let offset = if self.offset > 0 { self.offset.to_string() } else { String::new() };
         let pairs = [
@@ -79,7 +79,7 @@ impl Chosen {
 }
 
 impl Predictors {
-    /// Creates the list for an analysis, with the selection in the page's address.
+    /// Creates the list for an analysis. The page's address contains the selection.
     pub(super) fn new(analysis: &str, address: &Address) -> Self {
         let (analysis, chosen) = (analysis.to_owned(), Chosen::of(address));
         Self { analysis, chosen, page: None, trouble: None }
@@ -127,7 +127,7 @@ impl Predictors {
         vec![Command::ReplaceAddress(address), self.ask()]
     }
 
-    /// The list with its filters; `None` before the server has answered.
+    /// The list with its filters. Returns `None` before the server has answered.
     pub(super) fn view(&self) -> Option<Node> {
         let section = el("section").attr("id", "predictors").child(el("h2").text("Predictors"));
         let trouble = self.trouble.as_deref().map(|why| alert("predictors-trouble", why));
@@ -235,7 +235,7 @@ fn experiment(number: u8) -> String {
     words.to_owned()
 }
 
-/// A selection list. `options` has values with labels; the first entry of the list selects all.
+/// A selection list. `options` contains values with labels. An additional first entry selects all.
 fn select(name: &str, all: &str, chosen: &str, options: Vec<(String, String)>) -> Node {
     let option = |(value, words): (String, String)| {
         el("option").attr_if(value == chosen, "selected", "").attr("value", value).text(words)

@@ -21,7 +21,7 @@ pub(super) struct Profile {
     id: String,
     access: Access,
     found: Option<ParticipantDetail>,
-    /// Number of changes sent. The forms are reset after each.
+    /// Number of changes sent. The forms are reset after each change.
     writings: u32,
     /// Whether the user must confirm to delete the data.
     deleting: bool,
@@ -251,7 +251,7 @@ impl Profile {
             .children(answers)
     }
 
-    /// Why analyses leave the participant out, or the form to exclude them.
+    /// The reason why analyses leave the participant out, or the form to exclude the participant.
     fn exclusion(&self, found: &ParticipantDetail) -> Option<Node> {
         if let Some(exclusion) = &found.exclusion {
             let by = el("p")
@@ -337,7 +337,7 @@ impl Profile {
             .children(form)
     }
 
-    /// Deletion of the data, for participants who ask the researchers for it.
+    /// The section for deleting the data of a participant who asks the researchers to do so.
     fn deletion(&self, found: &ParticipantDetail) -> Option<Node> {
         if !self.may_manage() || found.data_deleted {
             return None;

@@ -1,4 +1,4 @@
-//! The routes of the laboratory, with one line per page, and the programs that contain the pages.
+//! The routes of the laboratory, one line per page, and the programs that contain the pages.
 
 use super::access::AccessPage;
 use super::analyses::Analyses;
@@ -101,7 +101,7 @@ pub(super) const NAVIGATION: [(&str, &str); 5] = [
     ("/lab/self-check", "Self-check"),
 ];
 
-/// The address of the demonstration that needs no sign-in. The operator must enable it.
+/// The address at which the demonstration needs no sign-in. The operator must enable it.
 pub(super) const OPEN_TO_ALL: &str = "/demo";
 
 /// The addresses that belong to other programs. All other addresses below `/lab` belong to
@@ -142,13 +142,15 @@ pub(super) static DEMONSTRATION: &[Route] = &[
 ];
 
 impl Route {
-    /// If `path` matches this route, the id in the path. Empty if the route has no `{id}`.
+    /// Returns the id in `path` if `path` matches this route. The id is empty if the route has no
+    /// `{id}`.
     pub(super) fn matches<'a>(&self, path: &'a str) -> Option<&'a str> {
         named(self.path, path)
     }
 }
 
-/// If `path` matches the pattern, the text for `{id}`. Empty if the pattern has no `{id}`.
+/// Returns the text for `{id}` if `path` matches the pattern. The text is empty if the pattern has
+/// no `{id}`.
 fn named<'a>(pattern: &str, path: &'a str) -> Option<&'a str> {
     let path = path.trim_end_matches('/');
     let Some((before, after)) = pattern.split_once("{id}") else {
@@ -158,7 +160,7 @@ fn named<'a>(pattern: &str, path: &'a str) -> Option<&'a str> {
     (!id.is_empty() && !id.contains('/')).then_some(id)
 }
 
-/// Whether this address belongs to another program than [`Laboratory`].
+/// Whether this address belongs to a program other than [`Laboratory`].
 pub(super) fn is_apart(path: &str) -> bool {
     APART.iter().any(|pattern| named(pattern, path).is_some())
 }

@@ -1,4 +1,4 @@
-//! Checks whether this browser and the server compute the same trials, and shows the server's check
+//! Checks whether this browser computes the same trials as the server, and shows the server's check
 //! of its data.
 
 use super::data_check;
@@ -44,7 +44,7 @@ impl Page for SelfCheckPage {
                 let compared = |it: SelfCheck| (simulation_fingerprint(it.seed, it.trials), it);
                 self.compared = Some(server.map(compared));
             }
-            // Without the result, the rest of the page is still shown.
+            // If the result is missing, the rest of the page is still shown.
             Msg::Data(answer) => self.data = read(answer).ok(),
         }
         Vec::new()

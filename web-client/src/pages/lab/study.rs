@@ -8,7 +8,7 @@ use sidestep::api::{StudySummary, routes};
 use sidestep::study::Status;
 use std::rc::Rc;
 
-/// The query of the link to a rehearsal: the seed of the synthetic participant, and the speed.
+/// The query of the link to a rehearsal, with the seed of the synthetic participant and the speed.
 pub(super) const REHEARSAL: &str = "simulate=1&speed=10";
 
 /// A page of a study.
@@ -47,7 +47,7 @@ impl Tab {
     }
 }
 
-/// Sends a message whenever data on the server have changed.
+/// Sends a message now and whenever data on the server change.
 pub(super) fn follow<M>(then: impl Fn() -> M + 'static) -> Command<M> {
     Command::Follow { name: "changes", url: routes::CHANGES, then: Rc::new(then) }
 }
@@ -69,7 +69,8 @@ pub(super) fn status<M>(status: Status) -> Node<M> {
     el("span").class(class).test_id("status").text(status.word())
 }
 
-/// The top of a study's page: the study's title and counts, actions, and links to its pages.
+/// The top of a study's page: the title and counts of the study, actions, and links to the study's
+/// pages.
 pub(super) fn head<M>(
     study: &StudySummary,
     current: Tab,

@@ -101,32 +101,32 @@ fn address(path: &str) -> Address {
     }
 }
 
-/// The laboratory at this address, before the server has answered.
+/// Opens the laboratory at this address. The server has not answered yet.
 fn start(path: &str) -> Session {
     let context = PageContext { address: address(path), ..PageContext::default() };
     Session::new(Lab::open(context), BTreeMap::new())
 }
 
-/// The laboratory at this address, signed in.
+/// Opens the laboratory at this address and signs in.
 fn signed_in(path: &str) -> Session {
     signed_in_to(path, Access::Manage)
 }
 
-/// The laboratory at this address, signed in with a key of this access.
+/// Opens the laboratory at this address and signs in with a key that gives this access.
 fn signed_in_to(path: &str, access: Access) -> Session {
     let mut session = start(path);
     session.send("session", 200, &SignedIn { signed_in: true, name: "Ada".into(), access });
     session
 }
 
-/// A replay of this trial.
+/// Opens a replay of this trial.
 fn replay(trial: &TrialDetail) -> Session {
     let mut session = signed_in("/lab/replay/t");
     session.send("trial", 200, trial);
     session
 }
 
-/// A replay of a trial with identical vehicles, whose value function is loaded.
+/// Opens a replay of a trial with identical vehicles and loads the value function.
 fn replay_of_equals() -> Session {
     let parameters = SceneParameters::default();
     let function = ValueFunction::Exact(parameters.game(Evader::Human).exact().unwrap());
@@ -138,7 +138,7 @@ fn replay_of_equals() -> Session {
     session
 }
 
-/// A replay of a trial with different vehicles, whose value functions the browser must solve.
+/// Opens a replay of a trial with different vehicles, whose value functions the browser must solve.
 fn replay_unsolved() -> Session {
     replay(&trial(unequal(), [None, None]))
 }
@@ -170,7 +170,8 @@ impl Session {
         self.solving.iter().map(|(name, task, _)| (*name, task.game)).collect()
     }
 
-    /// The numbers of outlines of level sets of V_HR and of V_RH.
+    /// The number of outlines of level sets of V_HR, and the number of outlines of level sets of
+    /// V_RH.
     fn outlines(&self) -> [usize; 2] {
         let picture = self.picture().unwrap();
         [colours::HUMAN, colours::ROBOT].map(|colour| {
@@ -197,7 +198,7 @@ fn of(evader: Evader) -> &'static str {
     }
 }
 
-/// Requests of the first page.
+/// The requests of the first page.
 const HOME: [&str; 2] = [routes::ADMIN_STUDIES, routes::DATA_CHECK];
 /// The requests of the self-check page.
 const CHECKS: [&str; 2] = [routes::SELF_CHECK, routes::DATA_CHECK];
@@ -342,7 +343,7 @@ fn predicted_sets_are_drawn_whole_or_step_by_step() {
         "classes":[-1,0,1],"probabilities":[0.6,0.3,0.1]}"#;
     let trained = format!(r#"{{"predictor":{predictor},"trials":7,"fallback":null}}"#);
     session.answer("predictor", 200, trained.as_bytes());
-    // Number of areas of each set, from F_1 to F_5.
+    // The number of areas of each set, from F_1 to F_5.
     let areas = |session: &Session| {
         let mut counts = [0; 5];
         for shape in session.picture().unwrap().shapes() {
@@ -461,7 +462,7 @@ fn a_page_begins_while_the_server_says_who_is_there() {
         assert_eq!(session.urls(), urls);
         session
     };
-    // Nothing of the trial is shown before the session is confirmed.
+    // No part of the trial is shown before the session is confirmed.
     let mut session = begun();
     session.send("trial", 200, &trial(parameters, [None, None]));
     assert!(session.text().contains("Loading") && session.words("sign-out").is_none());
@@ -477,7 +478,7 @@ fn a_page_begins_while_the_server_says_who_is_there() {
         assert!(session.words("key").is_some() && session.words("trouble").is_none(), "{first}");
         assert_eq!(session.urls(), Vec::<&str>::new(), "{first}");
     }
-    // Going to another address does not lose the question about the session.
+    // Going to another address does not cancel the request about the session.
     let mut session = begun();
     session.go("/lab/self-check");
     assert_eq!(session.urls(), [routes::SESSION, CHECKS[0], CHECKS[1]]);
@@ -505,7 +506,7 @@ fn levels_that_did_not_converge_are_marked() {
     settled.solved(Evader::Robot);
     assert!(settled.words("not-converged").is_none());
     assert!(settled.outlines()[0] > 0);
-    // A solve that fails to converge, because its number of sweeps is limited.
+    // Report a solve that fails to converge because its number of sweeps is limited.
     let parameters = unequal();
     let game = parameters.game(Evader::Human);
     let settings = polar::Settings::default()

@@ -1,4 +1,4 @@
-//! The stored trials of a study, newest first. New trials appear as they are stored.
+//! The stored trials of a study, newest first. New trials appear as soon as they are stored.
 
 use super::study::{self, Tab};
 use super::visit::Visit;
@@ -25,7 +25,7 @@ pub(super) struct Trials {
 enum State {
     /// The list is not loaded yet.
     Loading,
-    /// The list is shown as far as it is loaded.
+    /// The list is shown.
     Listed,
     /// The list is shown, and older trials have been requested.
     LoadingMore,
@@ -81,12 +81,12 @@ impl Trials {
         let known = |trial: &TrialSummary| Some(&trial.trial_id) == newest_shown.as_ref();
         match page.trials.iter().position(known) {
             Some(new) => drop(self.trials.splice(..0, page.trials.into_iter().take(new))),
-            // All trials are new, or the newest trial in the list no longer exists.
+            // Either all trials are new, or the newest trial in the list no longer exists.
             None => (self.trials, self.next_before) = (page.trials, page.next_before),
         }
     }
 
-    /// Reports a failure. A list that is already shown stays.
+    /// Reports a failure. A list that is already shown is kept.
     fn failed(&mut self, failure: Failure) {
         match self.state {
             State::Loading | State::Failed(_) => self.state = State::Failed(failure.sentence),
@@ -126,7 +126,7 @@ impl Page for Trials {
                 }
                 Err(failure) => self.failed(failure),
             },
-            // Ignore a second press, because the same rows would be loaded twice.
+            // Ignore a second press, which would load the same rows twice.
             Msg::More if matches!(self.state, State::Listed) => {
                 let Some(before) = self.next_before else { return Vec::new() };
                 self.state = State::LoadingMore;

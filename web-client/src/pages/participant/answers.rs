@@ -1,4 +1,4 @@
-//! The check of understanding, the questions after the last scene, and withdrawal.
+//! The comprehension check, the questions after the last scene, and withdrawal.
 
 use super::state::{Quiz, Stage};
 use super::{Msg, Participant, lifted};
@@ -22,7 +22,7 @@ enum Given {
 impl Participant {
     pub(super) fn checked(&mut self, form: &Form) -> Commands<Msg> {
         let Stage::Comprehension(quiz) = &mut self.stage else { return Vec::new() };
-        // While new questions are being loaded, answers are ignored.
+        // Ignore answers while new questions are being loaded.
         if self.renews.is_some() {
             return Vec::new();
         }
@@ -69,7 +69,7 @@ impl Participant {
         if stored.after_wrong == AfterWrong::Mark {
             return Vec::new();
         }
-        // This also applies to a participant who is reading the instructions again meanwhile.
+        // This also applies to a participant who has returned to the instructions in the meantime.
         self.renews = Some(stored.after_wrong);
         vec![self.ask_texts()]
     }
@@ -138,8 +138,8 @@ impl Participant {
     }
 
     pub(super) fn ask_withdrawal(&self) -> Command<Msg> {
-        // If the participant has gone back to the study meanwhile, an earlier request may still
-        // have withdrawn them.
+        // The participant may have returned to the study in the meantime. Even then, an earlier
+        // request may have withdrawn them, so ask the server.
         if !self.is_withdrawing {
             return self.ask_progress();
         }

@@ -17,7 +17,7 @@ const OUTSIDE_M: f64 = 1.5;
 /// Maximum time step of the motion (s).
 const LONGEST_S: f64 = 0.1;
 
-/// Two vehicles that drive on endlessly. Collisions have no effect.
+/// Two vehicles that drive on forever. Collisions have no effect.
 #[derive(Clone, Debug)]
 pub(super) struct Arena {
     parameters: SceneParameters,
@@ -33,8 +33,8 @@ impl Arena {
         Self { parameters, human, robot, last_ms: None }
     }
 
-    /// Moves both vehicles to their positions at `now_ms`. If `calm` (reduced motion), they move
-    /// only while a key is down.
+    /// Moves both vehicles to their positions at `now_ms`. If `calm` is set (reduced motion), they
+    /// move only while a key is down.
     pub(super) fn tick(&mut self, now_ms: f64, keys: &KeyMap, held: &HeldKeys, calm: bool) {
         let last_ms = self.last_ms.replace(now_ms).unwrap_or(now_ms);
         // The displayed time never goes back, so the difference is not negative.

@@ -1,4 +1,4 @@
-//! From one scene to the next.
+//! Moves the participant from one scene to the next.
 
 use super::arena::Arena;
 use super::equipment::Steering;
@@ -11,10 +11,10 @@ use crate::runtime::{Command, Commands, Event};
 use sidestep::trial::{Flag, Phase, outcome, page_flags};
 
 /// How much longer the page waits for the browser to draw the last picture of a scene (ms). A
-/// frozen browser may never draw it.
+/// frozen browser may never draw this picture.
 const UNDRAWN_MS: f64 = 3000.0;
 
-/// If the page notices the end of a countdown this late (ms), the participant must start the
+/// If the page notices the end of a countdown later than this (ms), the participant must start the
 /// countdown again.
 const ASLEEP_MS: f64 = 1000.0;
 
@@ -53,7 +53,7 @@ impl Participant {
         let awaited = self.plan.iter().find(|trial| !self.is_stored(trial)).map(PlannedTrial::id);
         let mut commands: Vec<_> = lifted(self.outbox.send(awaited)).collect();
         if self.next().is_some() && matches!(self.stage, Stage::Finishing) {
-            // The server has planned another attempt, or lacks a trial.
+            // The server has planned another attempt, or it lacks a trial.
             self.stage = Stage::Ready;
         }
         let between = matches!(self.stage, Stage::Ready | Stage::Rest | Stage::Finishing);
@@ -98,7 +98,7 @@ impl Participant {
         Vec::new()
     }
 
-    /// Handles what is due by the clock, except for changes of the picture alone.
+    /// Handles whatever is due at the current time, except for mere changes of the picture.
     pub(super) fn clock(&mut self) -> Commands<Msg> {
         match std::mem::take(&mut self.stage) {
             Stage::Countdown(trial, ends_ms, _) if self.now_ms < ends_ms => {
@@ -122,20 +122,20 @@ impl Participant {
         }
     }
 
-    /// Stops the countdown. The scene waits for another start.
+    /// Stops the countdown. The participant must start the scene again.
     fn not_begun(&mut self) {
         self.stage = Stage::Ready;
         self.hint = Some("ready.not_begun");
     }
 
-    /// Ends the countdown: the scene starts to move.
+    /// Ends the countdown and starts the scene.
     pub(super) fn moves(&mut self, trial: Box<PlannedTrial>, start_ms: f64) -> Commands<Msg> {
         let parameters = self.study.as_ref().map(|study| study.parameters).unwrap_or_default();
         let started_at_ms = self.context.time_origin_ms + start_ms;
         let (scene, keys) = (trial.scene.scene(), &self.steering.keys);
         let mut drive = Drive::new(parameters, &scene, start_ms, started_at_ms, keys, &self.held);
         drive.tick(self.now_ms);
-        // Count the exposure first, so that it also counts if the page is reloaded.
+        // Store the exposure first, so that it counts even if the page is reloaded.
         let count = match self.exposures.iter_mut().find(|(id, _)| id == trial.id()) {
             Some((_, count)) => {
                 *count += 1;
@@ -205,7 +205,7 @@ impl Participant {
         }
         match &mut self.stage {
             Stage::Driving(_, drive) => drive.key(t_ms, code, down),
-            // If the keys are released only during the last second, the countdown restarts.
+            // If the keys are released only during the last second, restart the countdown.
             Stage::Countdown(_, ends_ms, left_s)
                 if !down && self.held.is_empty() && *ends_ms < t_ms + 1000.0 =>
             {
@@ -237,7 +237,7 @@ impl Participant {
     }
 
     pub(super) fn focus_lost(&mut self, t_ms: f64) -> Commands<Msg> {
-        // The scene has not moved yet, so it returns to its start.
+        // The scene has not moved yet, so return to its start.
         if let Stage::Countdown(..) = self.stage {
             self.not_begun();
         }

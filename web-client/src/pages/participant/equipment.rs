@@ -21,11 +21,11 @@ impl Default for Steering {
 /// Results of the check so far.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Equipment {
-    /// Whether the key for left and the key for right were pressed.
+    /// Whether the left key and the right key have been pressed.
     pub(super) left: bool,
     pub(super) right: bool,
-    /// `Some` while the participant chooses keys, with the code and label of the key for left, once
-    /// chosen.
+    /// `Some` while the participant chooses keys. It contains the code and label of the left key as
+    /// soon as that key is chosen.
     pub(super) choosing: Option<Option<(String, String)>>,
     /// Whether the last key pressed cannot steer.
     pub(super) refused: bool,
@@ -35,12 +35,12 @@ pub(super) struct Equipment {
     frames_ms: Vec<f64>,
 }
 
-/// Number of frames to record, and number of first frames to ignore because the page has just
+/// Number of frames to record. The first `LEFT_OUT` of them are ignored, because the page has just
 /// changed.
 const FRAMES: usize = 70;
 const LEFT_OUT: usize = 10;
 
-/// In a window smaller than this (CSS pixels), the vehicles look small.
+/// In a window smaller than this (CSS pixels), the vehicles appear too small.
 const SMALL_PX: [f64; 2] = [600.0, 480.0];
 
 impl Equipment {

@@ -1,5 +1,5 @@
-//! From the link to the first page: the study, its texts, the enrolment, and where a returning
-//! participant continues.
+//! The way from the link to the first page: the study, its texts, the enrolment, and the page at
+//! which a returning participant continues.
 
 use super::sending::ended;
 use super::state::{PlannedTrial, Quiz, Session, Stage};
@@ -25,7 +25,7 @@ impl Participant {
             external_id: self.link.external_id(study).map(str::to_owned),
             parameters: self.link.recorded(study),
             pilot: self.link.is_pilot(),
-            // If the answer to an enrolment is lost, the enrolment is repeated with the same id.
+            // If the response to an enrolment is lost, the enrolment is repeated with the same id.
             request_id: self.context.random_name.clone(),
             locale: Some(self.texts.language.clone()),
             screen: Some(facts(&screen)),
@@ -34,12 +34,13 @@ impl Participant {
         self.ask("enrol", "POST", url, Some(json::write(&body)), Msg::Enrolled)
     }
 
-    /// Continues once the study and its texts have both arrived.
+    /// Continues as soon as both the study and its texts have arrived.
     pub(super) fn opened(&mut self) -> Commands<Msg> {
         if self.study.is_none() || !matches!(self.stage, Stage::Loading) {
             return Vec::new();
         }
-        // With a session, both have been requested again, and the progress arrives next.
+        // With a session, both were requested a second time, and the page waits for the progress
+        // report.
         if !self.has_texts() || self.session.is_some() {
             return Vec::new();
         }
@@ -48,16 +49,16 @@ impl Participant {
             None => self.kept(&self.session_name()),
         };
         if self.session.is_some() {
-            // Request the study as it was when the participant began, because it may have changed
-            // since.
+            // Request the study in the version that the participant enrolled in, because it may
+            // have changed since.
             self.language = Some(self.texts.language.clone());
             return vec![self.ask_study(), self.ask_texts(), self.ask_progress()];
         }
         self.admit()
     }
 
-    /// Chooses the first page for a person without a session: the welcome, or the reason why they
-    /// cannot take part.
+    /// Chooses the first page for a person without a session: the welcome page, or the reason why
+    /// the person cannot take part.
     fn admit(&mut self) -> Commands<Msg> {
         let Some(study) = &self.study else { return Vec::new() };
         if self.link.is_incomplete(study) {
@@ -65,7 +66,7 @@ impl Participant {
             return Vec::new();
         }
         // A person with an external id may have begun or finished in another browser. Only the
-        // server knows, so ask it.
+        // server knows this, so ask it.
         let names = !self.link.is_pilot() && self.link.external_id(study).is_some();
         if names && !std::mem::replace(&mut self.is_named, true) {
             return vec![self.ask_study()];
@@ -115,8 +116,8 @@ impl Participant {
         vec![Command::Keep { name: self.session_name(), text, then }, take_over]
     }
 
-    /// Enrols, but only after the browser has stored the request id. A repeated request after a
-    /// reload then does not enrol the person twice.
+    /// Enrols the person, but only after the browser has stored the request id. Then a repeated
+    /// request after a reload does not enrol the person twice.
     fn enrol(&mut self) -> Commands<Msg> {
         let name = self.enrolment_name();
         if let Some(known) = self.kept_text(&name) {
@@ -164,7 +165,7 @@ impl Participant {
             of_phase: phase.scenes.iter().filter(|scene| scene.attempt == 1).count(),
             scene: scene.clone(),
         };
-        // Further attempts follow after all first attempts.
+        // Repeated attempts follow after all first attempts.
         let (first, further): (Vec<_>, Vec<_>) =
             progress.plan.scenes().map(planned).partition(|trial| trial.scene.attempt == 1);
         self.plan = first.into_iter().chain(further).collect();
@@ -181,7 +182,7 @@ impl Participant {
             };
             self.exposures = ids.iter().filter_map(count).collect();
         }
-        // If the next scene has begun before, the page was reloaded during that scene.
+        // If the next scene had already begun, the page was reloaded during that scene.
         if is_first && self.next().is_some_and(|trial| self.has_begun(trial)) {
             self.hint = Some("ready.reloaded");
         }
@@ -214,7 +215,7 @@ impl Participant {
         failure: &Failure,
         ask: fn(&Self) -> Command<Msg>,
     ) -> Commands<Msg> {
-        // Without texts, the error message is in English.
+        // Without the texts, the error message is in English.
         if failure.status == 404 {
             self.stage = self.stuck("not_found");
             return Vec::new();
@@ -228,8 +229,8 @@ impl Participant {
             // An invalid personal link says nothing about the user of this browser.
             if self.link.token.take().is_some() {
                 self.stage = Stage::Loading;
-                // Cancel requests made with the link's token, because their answers would replace
-                // the error message.
+                // Cancel requests that were made with the link's token, because their answers would
+                // replace the error message.
                 let mut commands = vec![Command::Cancel("study"), Command::Cancel("texts")];
                 commands.extend(self.opened());
                 self.trouble = Some(self.say("trouble.link"));
@@ -260,7 +261,7 @@ impl Participant {
                 self.hint = None;
                 let asked = self.progress.as_ref().filter(|progress| !progress.understood);
                 self.stage = match asked {
-                    // Attempts before a reload also count, as do attempts before the participant
+                    // Attempts before a reload count, and so do attempts before the participant
                     // read the instructions again.
                     Some(progress) if !self.texts.check.is_empty() => {
                         let attempts = progress.comprehension_attempts;

@@ -1,4 +1,5 @@
-//! The page's address: which study it is, who referred the person, and whether this is a pilot.
+//! The page's address. It contains the study, the source of the referral, and whether this is a
+//! pilot.
 
 use crate::runtime::Address;
 use sidestep::api::{Object, StudyInfo};
@@ -10,12 +11,11 @@ pub(super) struct Link {
     address: Address,
     /// The study's slug.
     pub(super) slug: String,
-    /// The secret of a personal link. With such a link, a participant continues on another
-    /// computer.
+    /// The secret of a personal link, with which a participant continues on another computer.
     pub(super) token: Option<String>,
 }
 
-/// The part of a personal link's fragment before the secret.
+/// The part of a personal link's fragment that precedes the secret.
 const CONTINUE: &str = "continue=";
 
 impl Link {
@@ -30,7 +30,8 @@ impl Link {
         }
     }
 
-    /// Whether the simulator operates the page. If so, the page exposes its scenes to programs.
+    /// Whether the simulator operates the page. If so, the page exposes its scenes in attributes of
+    /// the canvas.
     pub(super) fn simulates(&self) -> bool {
         self.address.parameter("simulate").is_some()
     }
@@ -40,8 +41,8 @@ impl Link {
         self.simulates() || self.address.parameter("pilot").is_some()
     }
 
-    /// The person's id at the recruiting service, if the address has one. A pilot's link may
-    /// contain an unfilled placeholder, which is ignored.
+    /// The person's id at the recruiting service, if the address contains one. In a pilot's link,
+    /// an unfilled placeholder is ignored.
     pub(super) fn external_id(&self, study: &StudyInfo) -> Option<&str> {
         let given = |name: &String| self.address.parameter(name).map(str::trim);
         study
@@ -52,8 +53,8 @@ impl Link {
     }
 
     /// Whether the external id is missing although the study requires one, or is invalid (for
-    /// example, an unfilled placeholder of the recruiting service). The server refuses the same
-    /// ids.
+    /// example, an unfilled placeholder of the recruiting service). The server applies the same
+    /// rule.
     pub(super) fn is_incomplete(&self, study: &StudyInfo) -> bool {
         let needs_one = study.requires_external_id && !self.is_pilot();
         self.external_id(study).map_or(needs_one, |id| !is_id(id))
@@ -86,8 +87,8 @@ impl Link {
         format!("{}{}#{CONTINUE}{token}", self.address.origin, self.address.path)
     }
 
-    /// The name in the storage for the participant's session. Several people may use the same
-    /// browser. Pilots and simulated participants have separate sessions.
+    /// The storage name of the participant's session. Several people may use the same browser, so
+    /// the name contains the external id. Pilots and simulated participants have separate sessions.
     pub(super) fn session_name(&self, study: &StudyInfo) -> String {
         let mut name = format!("sidestep.session.{}", self.slug);
         if self.is_pilot() {

@@ -41,7 +41,7 @@ impl Participant {
         if self.link.simulates() {
             picture.tell("data-scene", told(&scene));
         }
-        // In later scenes, names beside moving vehicles would distract.
+        // In later phases, names beside moving vehicles would distract.
         if matches!(self.stage, Stage::Countdown(..)) || trial.phase == Phase::Familiarisation {
             picture.extend(self.labels(state));
         }
@@ -62,7 +62,7 @@ impl Participant {
     }
 }
 
-/// The scene for programs: x, y and heading of the human and of the robot, and the goal.
+/// The scene for the simulator: x, y and heading of the human and of the robot, and the goal.
 fn told(scene: &Scene) -> String {
     let numbers = [
         scene.human.x,

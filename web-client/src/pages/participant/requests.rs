@@ -1,4 +1,4 @@
-//! What the participant's page asks of the server.
+//! The requests of the participant's page to the server.
 
 use super::{Msg, Participant};
 use crate::runtime::{Answer, Command, Request};
@@ -24,7 +24,8 @@ impl Participant {
         {
             url.push_str("?external_id=");
             for part in id.chars() {
-                // Of the characters allowed in ids, these two have another meaning in a query.
+                // Of the characters that are allowed in ids, only these two have a special meaning
+                // in a query.
                 match part {
                     '+' => url.push_str("%2B"),
                     ' ' => url.push_str("%20"),

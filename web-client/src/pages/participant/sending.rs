@@ -6,8 +6,8 @@ use crate::outbox::{self, UploadOutcome};
 use crate::runtime::{Command, Commands, Failure};
 use crate::texts::Sentences as _;
 
-/// The final page for people who cannot continue, for one of the server's reasons. `url` is where
-/// they can go.
+/// The final page for people who cannot continue, for one of the server's reasons. `url` is the
+/// link that they can follow.
 pub(super) fn ended(reason: &str, url: Option<String>) -> Stage {
     let (heading, why) = match reason {
         "full" => ("stuck.full", "stuck.full_why"),
@@ -41,8 +41,8 @@ impl Participant {
                 commands.push(self.ask_progress());
                 return commands;
             }
-            // The trial is not stored, so the participant repeats it, because there is no
-            // completion code without it.
+            // The trial is not stored. The participant repeats it, because without it there is no
+            // completion code.
             Some(UploadOutcome::Refused(id, why)) => {
                 let is_second = self.refused.replace(id.clone()) == Some(id);
                 let why = [("why", why.as_str().into())];
@@ -103,7 +103,7 @@ impl Participant {
             && self.study.as_ref().is_some_and(|study| self.link.external_id(study).is_none())
     }
 
-    /// If a retry may help, retries after a pause. Otherwise, ends the participation.
+    /// Retries after a pause if the failure is temporary. Otherwise, ends the participation.
     pub(super) fn failed(
         &mut self,
         failure: &Failure,
@@ -120,8 +120,9 @@ impl Participant {
     }
 
     pub(super) fn completion_failed(&mut self, failure: &Failure) -> Commands<Msg> {
-        // Either the server lacks something that this page believed to be stored; then its progress
-        // report says what. Or another tab has completed the participation and got the code.
+        // There are two possible causes. Either the server lacks something that this page believed
+        // to be stored, and its progress report will show what. Or another tab has completed the
+        // participation and received the code.
         let code = failure.code.as_str();
         let is_missing = matches!(code, "incomplete" | "unanswered" | "not_yours");
         if is_missing && !std::mem::replace(&mut self.was_incomplete, true) {

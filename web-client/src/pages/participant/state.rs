@@ -21,7 +21,7 @@ pub(super) struct PlannedTrial {
     pub(super) phase: Phase,
     pub(super) show_danger_zone: bool,
     pub(super) feedback: bool,
-    /// Number of scenes in the phase, without repeated attempts.
+    /// Number of scenes in the phase, not counting repeated attempts.
     pub(super) of_phase: usize,
     pub(super) scene: PlannedScene,
 }
@@ -32,14 +32,14 @@ impl PlannedTrial {
     }
 }
 
-/// The state of the check of understanding.
+/// The state of the comprehension check.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Quiz {
     pub(super) attempts: usize,
     /// The chosen answer to each question.
     pub(super) chosen: Vec<Option<usize>>,
     pub(super) is_incomplete: bool,
-    /// Number of attempts when these questions were drawn.
+    /// Number of attempts made before these questions were drawn.
     pub(super) drawn_at: usize,
     /// Whether all answers of the last attempt were correct.
     pub(super) is_passed: bool,
@@ -50,7 +50,7 @@ pub(super) struct Quiz {
 /// How long the last picture of a scene is shown.
 #[derive(Clone, Copy)]
 pub(super) struct Stay {
-    /// Duration (ms) from the moment when the browser draws the picture.
+    /// How long the picture is shown (ms), counted from when the browser draws it.
     pub(super) drawn_for_ms: f64,
     /// Whether the browser has drawn the picture.
     pub(super) is_drawn: bool,
@@ -63,7 +63,7 @@ pub(super) struct Stay {
 pub(super) enum Stage {
     #[default]
     Loading,
-    /// Nothing can be done. Contains the key of the heading, and the reason.
+    /// The participant cannot continue. Contains the key of the heading, and the reason.
     Stuck(&'static str, String),
     /// The device seems to have no keyboard.
     Touch,
@@ -75,20 +75,21 @@ pub(super) enum Stage {
     Ready,
     /// A rest between two scenes.
     Rest,
-    /// The scene stands still until this time (ms); the last field has the seconds left. The keys
-    /// must be released before it starts.
+    /// The scene stands still until this time (ms). The last field is the number of seconds left.
+    /// The keys must be released before the scene starts.
     Countdown(Box<PlannedTrial>, f64, u32),
     Driving(Box<PlannedTrial>, Box<Drive>),
     /// The last picture of a scene is shown.
     Over(Box<PlannedTrial>, JointState, Stay, Outcome),
-    /// The questions after the last scene, with the indices of required questions that were not
-    /// answered.
+    /// The questions after the last scene, with the indices of the required questions that are
+    /// still unanswered.
     Questions(Vec<usize>),
-    /// All scenes are driven; the last trials are being uploaded.
+    /// All scenes are driven, and the last trials are being uploaded.
     Finishing,
     Done(Option<String>, Option<String>),
-    /// The participation has ended early, with the keys of heading and reason, and where to go.
+    /// The participation has ended early. Contains the keys of the heading and of the reason, and a
+    /// link to follow.
     Ended(&'static str, &'static str, Option<String>),
-    /// Another tab has taken over.
+    /// Another tab has taken over the participation.
     Elsewhere,
 }

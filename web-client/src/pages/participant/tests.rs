@@ -24,7 +24,7 @@ use std::collections::BTreeMap;
 
 type Session = testing::Session<Participant>;
 
-/// The texts of the English language file, without any texts of the study itself.
+/// The texts of the English language file, without any texts that belong to a study.
 fn texts() -> Texts {
     let file = include_str!("../../../../static/languages/en.toml");
     let tables: BTreeMap<String, toml::Table> = toml::from_str(file).unwrap();
@@ -79,7 +79,7 @@ fn progress(stored: &[&str]) -> Progress {
     }
 }
 
-/// The page before the server has answered, in a browser with `kept` stored.
+/// Opens the page in a browser that has stored `kept`. The server has not answered yet.
 fn opened(kept: BTreeMap<String, String>, link: &str) -> Session {
     let (query, fragment) = link.split_once('#').unwrap_or((link, ""));
     let pairs = query.split('&').filter(|pair| !pair.is_empty());
@@ -103,15 +103,15 @@ fn opened(kept: BTreeMap<String, String>, link: &str) -> Session {
     Session::new(Participant::open(context), kept)
 }
 
-/// The participant's page once it shows the study, in a browser that has stored `kept`.
+/// Opens the page in a browser that has stored `kept`, and loads the study and the texts.
 fn open(kept: BTreeMap<String, String>, study: &StudyConfig) -> Session {
     open_at(kept, study, "")
 }
 
 fn open_at(kept: BTreeMap<String, String>, study: &StudyConfig, link: &str) -> Session {
     let mut session = opened(kept, link);
-    // A participant who has begun requests the study again, as it was at that time. A person with
-    // an external id asks whether they can take part.
+    // The study may be requested twice: a participant who has begun requests the version of the
+    // study at that time, and a person with an external id asks whether they can take part.
     while session.asked.iter().any(|request| request.name == "study") {
         session.send("study", 200, &StudyInfo::of(study, study.status.into()));
         if session.asked.iter().any(|request| request.name == "texts") {
@@ -121,12 +121,12 @@ fn open_at(kept: BTreeMap<String, String>, study: &StudyConfig, link: &str) -> S
     session
 }
 
-/// The participant's page in a browser that has stored nothing.
+/// Opens the page in a browser that has stored nothing.
 fn welcomed() -> Session {
     open(BTreeMap::new(), &StudyConfig::default())
 }
 
-/// A session after the instructions.
+/// A session in which the instructions are completed.
 fn begun() -> Session {
     let mut session = welcomed();
     session.begin();
@@ -142,7 +142,7 @@ impl Session {
         self.press("continue");
     }
 
-    /// Goes on to the instructions.
+    /// Continues to the instructions.
     fn instructed(&mut self) {
         self.equipped();
         self.press("continue");
@@ -150,7 +150,7 @@ impl Session {
         self.send("progress", 200, &progress(&[]));
     }
 
-    /// Consents, and passes the check of keyboard and screen.
+    /// Consents, and completes the check of keyboard and screen.
     fn equipped(&mut self) {
         self.press("consent");
         for code in ["ArrowLeft", "KeyD"] {
@@ -162,7 +162,8 @@ impl Session {
         }
     }
 
-    /// Drives a scene with the left key down from 3 s to 5 s, and waits until its end was shown.
+    /// Drives a scene with the left key down from 3 s to 5 s, and waits until the end of the scene
+    /// was shown.
     fn drive(&mut self) {
         self.press("start");
         let begun = self.now_ms + COUNTDOWN_MS;
@@ -177,7 +178,7 @@ impl Session {
         }
     }
 
-    /// Lets this time pass, with frames.
+    /// Lets this time pass while frames are shown.
     fn pass(&mut self, ms: f64) {
         let until = self.now_ms + ms;
         while self.now_ms < until {
@@ -185,7 +186,7 @@ impl Session {
         }
     }
 
-    /// The pending upload, which must belong to this trial.
+    /// The pending upload, which must contain this trial.
     fn uploaded(&self, id: &str) -> TrialUpload {
         let request = self.asked.iter().find(|request| request.name == "upload").unwrap();
         assert_eq!(request.url.split('?').next(), Some(&*routes::my_trial(id)));

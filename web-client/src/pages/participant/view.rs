@@ -55,7 +55,7 @@ pub(super) fn page(page: &Participant) -> Node {
         .children(not_kept)
 }
 
-/// Before the texts have arrived, an ellipsis is shown.
+/// Shows an ellipsis until the texts have arrived.
 fn loading(page: &Participant) -> Node {
     let words = if page.has_texts() { page.say("page.loading") } else { "…".to_owned() };
     el("main")

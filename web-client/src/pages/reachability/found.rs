@@ -13,13 +13,15 @@ pub(super) struct Found {
     seconds: Option<f64>,
     window: Window,
     scale: Scale,
-    /// The current map, with its quantity and heading (degrees), and the map as an element.
+    /// The current map with its quantity, its heading (degrees), and its view element.
     map: Option<(Shown, u16, Map, Element)>,
-    /// The difference from the closed form, if there is a closed form and this function is not it.
+    /// The difference from the closed form. `None` if there is no closed form or if this function
+    /// is the closed form.
     difference: Option<Difference>,
     /// Maximum and mean error at the current heading (m).
     errors_m: Option<[f64; 2]>,
-    /// The values that tubes of all levels need, and the tube of the current level.
+    /// The values from which the tubes of all levels are computed, and the tube of the current
+    /// level.
     tubes: Option<Tubes>,
     tube: Option<(f64, Rc<Mesh>)>,
     /// See [`Self::is_new`].
@@ -56,7 +58,7 @@ impl Found {
         self.window
     }
 
-    /// How far a key moves the cross-hair (m): a hundredth of the window's width.
+    /// How far one key press moves the cross-hair (m), which is a hundredth of the window's width.
     pub(super) fn key_step_m(&self) -> f64 {
         0.01 * (self.window.high[0] - self.window.low[0])
     }
@@ -66,7 +68,8 @@ impl Found {
         std::mem::take(&mut self.is_new)
     }
 
-    /// The closed form for this function's game, if there is one and this function is not it.
+    /// The closed form for this function's game. `None` if there is no closed form or if this
+    /// function is the closed form.
     pub(super) fn closed_form(&self) -> Option<ExactValue> {
         match &self.function {
             ValueFunction::Exact(_) => None,
@@ -129,7 +132,7 @@ impl Found {
         self.map.as_ref().map(|(.., element)| element.clone())
     }
 
-    /// The position (m) at a point of the picture, which is given in fractions of the picture's
+    /// The position (m) at a point of the picture. The point is given in fractions of the picture's
     /// width and height.
     pub(super) fn at(&self, shares: [f64; 2]) -> Option<[f64; 2]> {
         let map = self.map()?;

@@ -4,14 +4,14 @@ use super::Msg;
 use crate::view::{self, el};
 use sidestep::value_view::Shown;
 
-/// What a key does.
+/// The action of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Key {
-    /// Moves the cross-hair by these numbers of steps, right and up.
+    /// Moves the cross-hair by these numbers of steps to the right and upwards.
     Move([i8; 2]),
     /// Changes the relative heading by this number of degrees.
     Turn(i16),
-    /// Scales the tube by 1.1 to this power.
+    /// Scales the tube by 1.1 raised to this power.
     Zoom(i8),
     /// Plays optimally from the cross-hair.
     Play,

@@ -1,4 +1,4 @@
-//! What pointers and keys do to the map and to the tube.
+//! The effects of pointers and keys on the map and on the tube.
 
 use super::Reachability;
 use super::keys::Key;
@@ -6,7 +6,8 @@ use crate::form::{Does, Pointing};
 use sidestep::value_view::{Shown, ZOOM_PERCENT};
 
 impl Reachability {
-    /// Moves the cross-hair to a position in the window. Rounds it to a millimetre.
+    /// Moves the cross-hair to a position, which is limited to the window and rounded to a
+    /// millimetre.
     fn aim(&mut self, at_m: [f64; 2]) {
         let Some(found) = &self.found else { return };
         let window = found.window();

@@ -115,7 +115,7 @@ fn shown(page: &Reachability, found: &Found) -> Node {
             }
         };
         let words = el("p").test_id("no-closed-form").text(why);
-        // One button solves the game on a grid, to show the solver's error.
+        // A button solves the game on a grid, so that the solver's error can be shown.
         let solve = matches!(found.function(), ValueFunction::Exact(_)).then(|| {
             let polar = FieldValue::Text("polar".to_owned());
             button("solve-to-compare", Msg::Set("method", polar)).text("Solve on the polar grid")
@@ -133,7 +133,7 @@ fn shown(page: &Reachability, found: &Found) -> Node {
 const HINT: &str = "Drag it, or use the arrow keys, to turn it; the wheel, + and − change its size. Its ends at \
                     0° and 360° are the same.";
 
-/// The tube as a solid, or cut at eight headings.
+/// The tube as a solid, or cuts through it at eight headings.
 fn tube(page: &Reachability, found: &Found) -> Node {
     let level = number(page.view.level_m);
     let words =

@@ -17,13 +17,13 @@ use sidestep::trial::Phase;
 use sidestep::trial_view::Playback;
 use std::rc::Rc;
 
-/// The participant's tasks. `None` until they have arrived, and if they cannot be read.
+/// The participant's tasks. `None` before they have arrived, and if they cannot be read.
 #[derive(Default)]
 pub(super) struct Tasks(Option<(Drives, Vec<u8>)>);
 
 impl Tasks {
-    /// Requests the tasks of this trial's participant, but not for a trial of another phase,
-    /// because those phases have too few trials to count.
+    /// Requests the tasks of this trial's participant. Returns `None` if the trial is not a task,
+    /// because the other phases have too few trials to count.
     fn ask(trial: &TrialDetail) -> Option<Command<Msg>> {
         let route = routes::admin_drives(&trial.summary.participant_id);
         let is_task = trial.summary.phase == Phase::Task;
@@ -104,7 +104,8 @@ impl Chances {
 impl Replay {
     /// Starts counting for a pane if its input is complete.
     pub(super) fn count(&mut self, pane: Pane) -> Commands<Msg> {
-        // The trial comes first, so the tasks are requested only when there is something to count.
+        // The tasks are requested only when there are sets to count, so that the trial is loaded
+        // first.
         let beside = self.beside.as_ref().map_or(&[][..], |beside| beside.playback.forecast());
         if self.tasks.is_none() && !(self.playback.forecast().is_empty() && beside.is_empty()) {
             self.tasks = Some(Tasks::default());

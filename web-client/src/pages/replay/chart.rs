@@ -20,17 +20,17 @@ const FRAME: Frame = Frame { left: 0.0, top: 4.0, width: WIDTH, height: 96.0 };
 const MIDDLE: f64 = 117.0;
 /// Height of the bar for a turn.
 const BAR: f64 = 8.0;
-/// The strip of predicted probabilities. Left, straight and right, from top to bottom, fill the
-/// height of the strip in proportion to their probabilities.
+/// The strip of predicted probabilities. From top to bottom, it is divided into left, straight and
+/// right, in proportion to their probabilities.
 const PREDICTED: [f64; 2] = [134.0, 154.0];
 const LEFT: colours::Colour = colours::HUMAN;
 const RIGHT: colours::Colour = colours::SERIES[1];
 
 /// The parts that do not change with time, cached between frames.
 pub(super) struct Strip {
-    /// The data of the plotted lines.
+    /// The data of the lines in the chart.
     lines: Chart,
-    /// The whole chart without the current time.
+    /// The whole chart without the mark at the current time.
     drawing: Node,
 }
 
@@ -55,7 +55,7 @@ impl Strip {
         legend(&self.lines)
     }
 
-    /// The chart's data as a table, with the input held from each time on.
+    /// The chart's data as a table. Each row has the input that is held from its time on.
     pub(super) fn table(&self, trial: &TrialDetail, playback: &Playback) -> Table {
         table(trial, playback, &self.lines)
     }

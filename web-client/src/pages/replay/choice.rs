@@ -78,13 +78,13 @@ enum Chosen {
 /// Facts about a predictor.
 #[derive(Default)]
 struct Known {
-    /// The number of trials that trained it.
+    /// The number of trials that trained the predictor.
     trials: usize,
-    /// Why the predictor has only the frequencies of the inputs, if so.
+    /// The reason why the predictor uses only the frequencies of the inputs, if it does.
     fallback: Option<String>,
-    /// The analysis that trained it, if any.
+    /// The analysis that trained the predictor, if any.
     source: Option<PredictorSource>,
-    /// The ids of these trials.
+    /// The ids of the trials that trained the predictor.
     trained_on: Vec<String>,
     /// Number of features of a predictor from a file.
     features: usize,
@@ -97,7 +97,7 @@ struct Known {
 pub(super) enum Ask {
     /// From the server, with this request.
     Server(Command<Msg>),
-    /// Already known, or an error.
+    /// From nowhere: the predictor is already known, or there is an error.
     Nobody(Result<Box<Method>, String>),
 }
 
@@ -107,7 +107,7 @@ impl Choice {
         Self { pane, chosen, known: None, refused: None, unusable: None }
     }
 
-    /// Where to get the predictor from.
+    /// Determines where to get the predictor from.
     pub(super) fn ask(&mut self, trial_id: &str) -> Ask {
         (self.known, self.refused) = (None, None);
         let predictor = |query: &str| {
@@ -138,7 +138,7 @@ impl Choice {
         Ask::Server(Command::Send(Request::get(pane.request(), url, then)))
     }
 
-    /// The source for links. For a predictor from a file, the default predictor.
+    /// The source to name in links. For a predictor from a file, it is the default source.
     pub(super) fn source(&self) -> Source {
         match &self.chosen {
             Chosen::Linked(source) => source.clone(),
@@ -146,7 +146,7 @@ impl Choice {
         }
     }
 
-    /// The choice as part of a query; empty for the default.
+    /// The choice as part of a query. Empty for the default.
     pub(super) fn query(&self) -> String {
         let source = self.source();
         match self.pane {
@@ -156,8 +156,8 @@ impl Choice {
         }
     }
 
-    /// Ids of the trials that trained the predictor, as far as they are known. `None` until the
-    /// predictor is loaded.
+    /// Ids of the trials that trained the predictor. Empty if they are unknown, and `None` until
+    /// the predictor is loaded.
     pub(super) fn trained_on(&self) -> Option<&[String]> {
         self.known.as_ref().map(|known| &*known.trained_on)
     }
@@ -168,7 +168,8 @@ impl Choice {
         self.known.as_ref().and_then(|known| known.held.as_ref())
     }
 
-    /// Whether the tasks over which the probabilities are counted trained the predictor, in words.
+    /// Explains whether the predictor was trained on the tasks over which the probabilities are
+    /// counted.
     pub(super) fn judged_on(&self) -> &'static str {
         match &self.chosen {
             Chosen::File => "The file does not say which of them trained the predictor.",

@@ -19,7 +19,7 @@ type Node = view::Node<Whole>;
 /// Maximum number of models shown. Search words narrow the list.
 const MOST: usize = 12;
 
-/// State of the finder, as far as it is loaded.
+/// State of the finder. Its lists are loaded one after another.
 pub(super) struct Finder {
     /// The pane in which the model will be used.
     pub(super) pane: Pane,
@@ -55,7 +55,7 @@ pub enum Msg {
 }
 
 impl Finder {
-    /// Opens the finder for this pane. Initially this study is selected.
+    /// Opens the finder for this pane, with this study selected.
     pub(super) fn open(pane: Pane, study: &str) -> (Self, Commands<Whole>) {
         let finder = Self {
             pane,
@@ -77,7 +77,7 @@ impl Finder {
         ask("finder-analyses", routes::admin_analyses(&self.study), Msg::Analyses)
     }
 
-    /// Requests only models of experiment 1: those of experiment 2 do not predict the direction of
+    /// Requests the models of experiment 1. Models of experiment 2 do not predict the direction of
     /// a turn.
     fn ask_models(&mut self) -> Commands<Whole> {
         self.page = None;

@@ -4,7 +4,7 @@ use super::Msg;
 use crate::view::{self, el};
 use sidestep::trial_view::view::SPEEDS;
 
-/// What a key does.
+/// The action of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Key {
     /// Plays, or pauses.

@@ -1,4 +1,4 @@
-//! The link to a view of the replay: how the replay opens from it, and how it is written.
+//! The link to a view of the replay: opening the replay from it, and writing it.
 
 use super::chances::Chances;
 use super::chart::Strip;
@@ -23,7 +23,7 @@ pub(super) fn first_choice(address: &Address) -> Choice {
 }
 
 impl Replay {
-    /// The replay of a trial as the address describes it.
+    /// Opens the replay of a trial in the view that the address describes.
     pub(super) fn open(
         trial: TrialDetail,
         address: &Address,
@@ -72,7 +72,7 @@ impl Replay {
             replay.playing = Some(Playing { until_ms: now_ms, shown_ms: now_ms });
         }
         let mut commands = replay.sources.begin();
-        // If the server must answer, its answer about the predictor is already being loaded.
+        // If the predictor comes from the server, its request has already been sent.
         if let Ask::Nobody(method) = replay.choice.ask(&replay.trial.summary.trial_id) {
             replay.take(Pane::First, method.map(|method| *method));
         }

@@ -22,7 +22,7 @@ pub(super) struct Beside {
 pub(super) const FIRST_BESIDE: Source = Source::Way(Way::ConstantVelocity);
 
 impl Replay {
-    /// Uses the value functions, once both are loaded.
+    /// Uses the value functions as soon as both are loaded.
     pub(super) fn take_safety(&mut self) {
         for pane in [Pane::First, Pane::Second] {
             let Some(safety) = self.sources.functions() else { return };
@@ -58,7 +58,7 @@ impl Replay {
         self.predict(Pane::Second)
     }
 
-    /// Predicts with the chosen predictor of this pane, once that is loaded.
+    /// Predicts with the chosen predictor of this pane as soon as it is loaded.
     pub(super) fn predict(&mut self, pane: Pane) -> Commands<Msg> {
         let trial_id = &self.trial.summary.trial_id;
         let ask = match pane {
@@ -68,7 +68,7 @@ impl Replay {
                 None => return Vec::new(),
             },
         };
-        // Meanwhile, do not show the sets of the previous predictor.
+        // Until then, do not show the sets of the previous predictor.
         if let Some((_, playback)) = self.pane(pane) {
             let _ = playback.use_method(None);
         }

@@ -1,4 +1,4 @@
-//! Playback: how the time goes on, and the film of it.
+//! Playback of a trial, and filming of the playback.
 
 use super::{CANVAS, Msg, Replay};
 use crate::runtime::{Command, Commands, Offer};
@@ -7,7 +7,7 @@ use std::rc::Rc;
 /// Times of playback, on the page's clock.
 #[derive(Clone, Copy)]
 pub(super) struct Playing {
-    /// The time up to which it has played (ms).
+    /// The time up to which the playback has advanced (ms).
     pub(super) until_ms: f64,
     /// The time of the last update of the numbers (ms).
     pub(super) shown_ms: f64,

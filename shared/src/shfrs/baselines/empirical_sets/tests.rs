@@ -59,8 +59,8 @@ fn inside_by(set: &EmpiricalSet, window: &Window<'_>) -> f64 {
 }
 
 /// Compares membership in the drawn polygons with the family's scores, on unseen drives. Hulls
-/// contain positions with a tolerance of 5 mm. Ellipsoids also limit the heading, and their
-/// ellipses contain all of their positions.
+/// contain positions with a tolerance of 5 mm. Ellipsoids also limit the heading, but the drawn
+/// ellipses contain every position that has an admissible heading.
 #[test]
 fn what_is_drawn_holds_what_scores_say() {
     let unseen = drives(2, 40);
@@ -77,7 +77,8 @@ fn what_is_drawn_holds_what_scores_say() {
                 assert_eq!(set.area_m2, area, "{kind:?} {}", set.level);
                 let inside = inside_by(set, window);
                 match kind {
-                    // Worst-case polygons are inscribed, and drives turn at the limit.
+                    // Worst-case polygons are inscribed in their sets, and drives turn at the
+                    // maximum rate.
                     _ if j == most => assert!(inside > -0.005, "{inside}"),
                     EmpiricalFamily::Empirical if (inside + 0.005).abs() < 1e-9 => {}
                     EmpiricalFamily::Empirical => {
@@ -95,7 +96,7 @@ fn what_is_drawn_holds_what_scores_say() {
     }
 }
 
-/// A position is in the ellipse if the ellipsoid contains the position with some heading.
+/// A position is in the ellipse if and only if the ellipsoid contains it with at least one heading.
 #[test]
 fn ellipses_are_ellipsoids_seen_from_above() {
     let Fitted { family, mut sets } = learned(EmpiricalFamily::Gaussian, 1);
@@ -122,7 +123,7 @@ fn ellipses_are_ellipsoids_seen_from_above() {
             let drive = Trajectory::driven(states.to_vec(), &inputs, &parameters).unwrap();
             family.least_level(&Window::new(&drive, 1, 1).unwrap()).unwrap()
         };
-        // The score is convex in the heading, up to its largest value.
+        // As a function of the heading, the score is convex until it reaches its largest value.
         const APART: f64 = 5e-4;
         let turns = (-400..=400).map(|i| f64::from(i) * APART);
         let near = turns.min_by(|&a, &b| score(a).total_cmp(&score(b))).unwrap();
@@ -167,7 +168,8 @@ fn tubes_cover_their_areas() {
             let inside = (0..N).filter(is_in).count();
             let all = (x[1] - x[0]) * (y[1] - y[0]);
             let counted = all * inside as f64 / N as f64;
-            // Four standard errors of a share are at most 2 / √N; the worst case is drawn to 1 mm.
+            // Four standard errors of a share are at most 2 / √N. The polygons of the worst-case
+            // set are accurate to 1 mm.
             let apart = (set.area_m2 - counted).abs();
             assert!(apart < all * 2.0 / (N as f64).sqrt() + 0.01, "{kind:?} {set:?}");
         }

@@ -3,7 +3,7 @@ use crate::math::SeededRng;
 use crate::stats::rank::LEVEL;
 use proptest::prelude::*;
 
-/// By hand: the ranks of |3|, |1|, |2| are 3, 1, 2, and the second pair has the opposite sign.
+/// By hand: the differences are 3, −1 and 2, and the ranks of their absolute values are 3, 1 and 2.
 #[test]
 fn the_effect_size_is_the_balance_of_ranks() {
     assert!((rank_biserial(&[5.0, 1.0, 4.0], &[2.0, 2.0, 2.0]) - 4.0 / 6.0).abs() < 1e-15);
@@ -17,7 +17,7 @@ fn the_effect_size_is_the_balance_of_ranks() {
 fn the_typical_difference_is_no_mean() {
     assert_eq!(hodges_lehmann(&[]), 0.0);
     assert_eq!(hodges_lehmann(&[3.0]), 3.0);
-    // Walsh averages 1, 1.5, 2, 2.5, 3, 4 of 1, 2, 4: the median by hand.
+    // The Walsh averages of 1, 2, 4 are 1, 1.5, 2, 2.5, 3, 4. The median is taken by hand.
     assert_eq!(hodges_lehmann(&[4.0, 1.0, 2.0]), 2.25);
     // A single large loss does not outweigh nineteen gains.
     let mut gains = vec![2.0; 19];
@@ -26,9 +26,9 @@ fn the_typical_difference_is_no_mean() {
     assert_eq!(hodges_lehmann(&gains), 2.0);
 }
 
-/// The p-value of a shift by brute force: visits every pair, and compares the sum with the sum for
-/// every choice of signs of the ranks at zero (`null`, sorted). Sums are doubled, so that halves
-/// become integers.
+/// The p-value of a shift by brute force. It counts the pairwise means above the shift, where a tie
+/// counts one half. It compares this count with the rank sums for all choices of signs (`null`,
+/// sorted). Both are doubled, so that halves become integers.
 fn plain_p(differences: &[f64], null: &[usize], shift: f64) -> f64 {
     let mut sum = 0;
     for i in 0..differences.len() {
@@ -42,7 +42,7 @@ fn plain_p(differences: &[f64], null: &[usize], shift: f64) -> f64 {
     (2.0 * least as f64 / null.len() as f64).min(1.0)
 }
 
-/// Twice the rank sum for each choice of signs.
+/// Twice the rank sum of the positive differences, for each choice of signs.
 fn plain_null(differences: &[f64]) -> Vec<usize> {
     let doubled_rank = |d: &f64| {
         let size = |other: &&f64| other.abs() - d.abs();
@@ -94,27 +94,29 @@ fn samples() -> impl Strategy<Value = Vec<f64>> {
     })
 }
 
-/// The data of a study in which 18 of 24 people turned in only one step: six gain, nobody loses.
+/// Data of a study in which 18 of 24 people turned in only one step. Six people gain, and nobody
+/// loses.
 #[test]
 fn those_who_tie_do_not_turn_those_who_gain() {
     let mut gains = vec![0.0; 24];
     gains[..6].copy_from_slice(&[10.0, 14.0, 8.0, 12.0, 20.0, 7.333_333_333_333_333]);
     let found = check_sample(&gains);
     assert_eq!((found.differing, found.p, found.rank_biserial), (6, 0.03125, 1.0));
-    // The results are those of the six differences alone: their range, and the median of 21 means
-    // by hand.
+    // The results are the same as for the six differences alone. The interval is their range, and
+    // the typical difference is the median of 21 means, computed by hand.
     assert_eq!(found.interval, Some([7.333_333_333_333_333, 20.0]));
     assert!((found.typical - 11.0).abs() < 1e-9, "{found:?}");
     assert_eq!(SignedRank::of(&gains[..6]).unwrap(), found);
 }
 
-/// Of 60 people 40 gain two points and 20 lose two. All ranks are tied, so the test is the sign
+/// Of 60 people, 40 gain two points and 20 lose two. All ranks are tied, so the test is the sign
 /// test, and most pairwise means are 0. The interval then begins just above 0.
 #[test]
 fn an_end_at_zero_is_on_the_side_of_the_test() {
     let gains: Vec<f64> = (0..60).map(|i| if i < 40 { 2.0 } else { -2.0 }).collect();
     let found = check_sample(&gains);
-    // Twice P(at most 20 heads in 60 throws), by summing binomial probabilities.
+    // Twice the probability of at most 20 heads in 60 throws, computed by summing binomial
+    // probabilities.
     assert!((found.p - 0.013_489_293_731_191_86).abs() < 1e-12, "{}", found.p);
     assert_eq!(
         (found.typical, found.interval),
@@ -153,7 +155,7 @@ proptest! {
         prop_assert!((one.typical + other.typical).abs() < 1e-12);
     }
 
-    /// Few distinct values, so that nearly all are tied.
+    /// There are few distinct values, so nearly all values are tied.
     #[test]
     fn nor_where_hardly_any_two_numbers_differ(
         all in prop::collection::vec(-2i32..=2, 4..70).prop_map(|all| {

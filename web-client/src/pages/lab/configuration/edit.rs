@@ -1,4 +1,4 @@
-//! Changes to a study that a field or a button of the form makes.
+//! Changes that the fields and buttons of the form make to a study.
 
 use super::document::{change, get, set, text, unset};
 use serde_json::{Value, json};
@@ -77,7 +77,8 @@ impl Edit {
     }
 }
 
-/// Adjusts the right answer of a check when its options move, so that it stays at the same option.
+/// When the options of a check question move, adjusts the index of the right answer so that it
+/// still selects the same option.
 fn move_answer(study: &mut Value, list: &str, moved: impl Fn(usize) -> usize) {
     let Some(question) = list.strip_suffix(".options") else { return };
     let path = format!("{question}.answer");
@@ -86,7 +87,7 @@ fn move_answer(study: &mut Value, list: &str, moved: impl Fn(usize) -> usize) {
     }
 }
 
-/// A new, empty question for the time after the last scene.
+/// A new, empty question to ask after the last scene.
 pub(super) fn new_question(name: &str, kind: &str) -> Value {
     let mut question = json!({ "name": name, "kind": kind, "text": {}, "required": false });
     if kind == "choice" {
@@ -95,12 +96,12 @@ pub(super) fn new_question(name: &str, kind: &str) -> Value {
     question
 }
 
-/// A new option of a question after the last scene.
+/// A new option for a question after the last scene.
 pub(super) fn new_option(value: &str) -> Value {
     json!({ "value": value, "text": {} })
 }
 
-/// A new, empty question for the check of understanding.
+/// A new, empty question for the comprehension check.
 pub(super) fn new_check() -> Value {
     json!({ "text": {}, "options": [{}, {}], "answer": 0 })
 }
@@ -129,7 +130,7 @@ mod tests {
             Edit::Insert("list".into(), 9, json!("c")),
             Edit::MoveUp("list".into(), 2),
             Edit::Remove("list".into(), 0),
-            // These happen if a button is pressed twice.
+            // These edits happen if a button is pressed twice.
             Edit::MoveUp("list".into(), 7),
             Edit::MoveUp("list".into(), 0),
             Edit::Remove("list".into(), 7),

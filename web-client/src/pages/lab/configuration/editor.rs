@@ -36,16 +36,16 @@ pub(super) struct Editor {
     given: String,
     /// The draft as a form; `None` until the server has parsed the text.
     form: Option<FormState>,
-    /// Counts how often the form was filled. Each time, its fields are created anew.
+    /// Counts how often the form was filled. Its fields are created anew each time.
     givings: u32,
-    /// Counts how often the text area was filled. It is not filled again when the user types in it
-    /// and the form is updated.
+    /// Counts how often the text area was filled. It is not filled again when text typed into it
+    /// updates the form.
     text_givings: u32,
     mode: Mode,
-    /// Whether the slug follows the title, until the user enters one.
+    /// Whether the slug is derived from the title, until the user enters a slug.
     names_itself: bool,
-    /// The number of edits so far, at the last request to the server, and at the request answered
-    /// last.
+    /// The number of edits so far (`entered`), at the time of the last request to the server
+    /// (`asked`), and at the time of the last answered request (`answered`).
     entered: u32,
     asked: u32,
     answered: u32,
@@ -57,7 +57,7 @@ pub(super) struct Editor {
 
 /// Content of the form.
 struct FormState {
-    /// The study with which the form's fields were filled.
+    /// The study that filled the form's fields.
     given: Value,
     /// The study including the user's input.
     study: Value,
@@ -162,7 +162,7 @@ impl Editor {
         }
     }
 
-    /// Processes the server's check of the draft. Only the answer to the last request arrives.
+    /// Processes the server's check of the draft. Only the answer to the last request arrives here.
     pub(super) fn take(&mut self, mut checked: DraftChecked) {
         self.answered = self.asked;
         let is_current = self.is_current();
@@ -176,7 +176,7 @@ impl Editor {
             }
         } else if is_current && !self.form.as_ref().is_some_and(|form| form.is_ahead) {
             match checked.config.take() {
-                // If the values are the same, the form's fields stay.
+                // If the values are the same, the form keeps its fields.
                 Some(config) if self.form.as_ref().is_some_and(|form| form.study == config) => {}
                 Some(config) => self.give_form(config),
                 None => self.form = None,
@@ -312,7 +312,7 @@ impl Editor {
         Some(Form { fields, languages, is_new, givings, opened, picture })
     }
 
-    /// The labels of the form's controls, and the language whose texts the form shows.
+    /// The labels of the form's controls, and the language of the texts in the form.
     pub(super) fn labels(&self, is_new: bool, may_manage: bool) -> (Vec<(String, String)>, &str) {
         self.form_of(is_new, may_manage).map_or_else(Default::default, |form| {
             form.view();
@@ -336,8 +336,8 @@ impl Editor {
         el("div").class("as-text").child(about).child(area)
     }
 
-    /// The picture of the distribution of scenes. The form has its own, beside the settings that
-    /// determine the distribution.
+    /// The picture of the distribution of scenes. `None` in the form, which shows the picture
+    /// beside the settings that determine the distribution.
     pub(super) fn picture(&self) -> Option<Node> {
         let picture = picture(self.checked.as_ref()?)?;
         let section = el("section").child(el("h2").text("Scenes")).child(picture);
@@ -346,7 +346,7 @@ impl Editor {
 }
 
 /// Derives a slug (lower-case letters, digits and hyphens) from a title. Returns `None` if the
-/// title contains no suitable letters or digits.
+/// title has no suitable letters or digits.
 fn name_in_addresses(title: &str) -> Option<String> {
     let mut name = String::new();
     for letter in title.chars().flat_map(char::to_lowercase) {

@@ -15,8 +15,8 @@ type Node = view::Node<Msg>;
 
 /// What the fields are created from.
 pub(super) struct Fields<'a> {
-    /// The study that the form was filled with. Input does not change it, so that nothing moves
-    /// under the cursor.
+    /// The study that filled the form. Input does not change it, so that nothing moves under the
+    /// cursor.
     pub(super) given: &'a Value,
     /// The study including the user's input.
     pub(super) study: &'a Value,
@@ -24,7 +24,7 @@ pub(super) struct Fields<'a> {
     pub(super) complaint: Option<&'a Remark>,
     /// The language whose texts are shown.
     pub(super) language: &'a str,
-    /// The name of the control to focus after the form was rebuilt.
+    /// The name of the control to focus after the form is rebuilt.
     pub(super) focus: &'a str,
     pub(super) may_manage: bool,
     /// Path and label of each control, in the order of their creation.
@@ -71,7 +71,7 @@ impl Fields<'_> {
         self.ticked(path, label, hint, flag(self.given, path), edit)
     }
 
-    /// A selection list; `words` has the values and their labels.
+    /// A selection list. `words` contains the values and their labels.
     fn choice(&self, path: &str, label: &str, hint: &str, words: &[(&str, &str)]) -> Node {
         let at = path.to_owned();
         let select = self
@@ -89,8 +89,8 @@ impl Fields<'_> {
         el("select").children(words.iter().map(option))
     }
 
-    /// A button that changes which fields the form has. `focus` names the control that is then
-    /// focused.
+    /// A button that changes which fields the form has. `focus` names the control to focus
+    /// afterwards.
     pub(super) fn button(&self, name: &str, edit: Edit, focus: &str) -> Node {
         let button = button(name, Msg::Rebuild(edit, focus.to_owned()));
         let button = button.attr_if(!self.may_manage, "disabled", "");
@@ -129,7 +129,7 @@ impl Fields<'_> {
         el("div").class("entry-buttons").children(up).child(remove)
     }
 
-    /// A check box that changes which fields the form has, or their content.
+    /// A check box that changes the form's fields or their content.
     pub(super) fn ticked(
         &self,
         path: &str,
@@ -159,7 +159,7 @@ impl Fields<'_> {
         self.labelled(path, label, "", "", select)
     }
 
-    /// Names, separated by commas.
+    /// A field for names, separated by commas.
     fn names(&self, path: &str, label: &str, hint: &str) -> Node {
         let names: Vec<&str> = get(self.given, path)
             .and_then(Value::as_array)
@@ -190,7 +190,8 @@ impl Fields<'_> {
         self.labelled(&path, label, "", hint, area)
     }
 
-    /// A fact about the study: one text for all languages, or a text in the current language.
+    /// A fact about the study: either one text for all languages, or the text in the current
+    /// language.
     fn fact(&self, path: &str, label: &str, hint: &str) -> Node {
         match get(self.given, path) {
             Some(Value::Object(_)) => self.localised(path, label, hint),
@@ -234,7 +235,7 @@ impl Fields<'_> {
         }))
     }
 
-    /// The error message for a field or for a field nested in it, without the field's path.
+    /// The error message for this field or for a field inside it, without the field's path.
     pub(super) fn complaint_within(&self, path: &str) -> Option<String> {
         let complaint = self.complaint?;
         let field = complaint.field.as_deref()?;
@@ -242,7 +243,7 @@ impl Fields<'_> {
             let rest = field.strip_prefix(path);
             rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
         };
-        // If a text is missing in every language, the error's path ends before the language.
+        // If a text is missing in every language, the path in the error has no language at the end.
         let is_missing = || is_within(&format!("{field}.{}", self.language));
         (is_within(field) || is_missing()).then(|| sentence(complaint, field))
     }
@@ -267,8 +268,8 @@ pub(super) fn without_path<'a>(said: &'a str, field: &str) -> &'a str {
     said.strip_prefix(field).and_then(|rest| rest.strip_prefix(": ")).unwrap_or(said)
 }
 
-/// The name of a field in the form, which is the label of its control or of the closest enclosing
-/// one.
+/// The name of a field in the form: the label of its control, or the label of the closest enclosing
+/// control.
 pub(super) fn name_of(labels: &[(String, String)], field: &str, language: &str) -> Option<String> {
     let missing = format!("{field}.{language}");
     let mut found: Option<&(String, String)> = None;
@@ -287,13 +288,13 @@ pub(super) fn name_of(labels: &[(String, String)], field: &str, language: &str) 
     };
     let question = place("questions[").map(|n| format!("Question {n}"));
     let option = place("options[").map(|n| format!("option {n}"));
-    // For the text of a question or option, the position alone is the name.
+    // The text of a question or option is named only by its position.
     let label = Some(label.clone()).filter(|label| label != "Question" && label != "Option");
     let parts: Vec<String> = [question, option, label].into_iter().flatten().collect();
     Some(parts.join(", "))
 }
 
-/// A number as a study file has it: an integer if the number is whole.
+/// A number as it appears in a study file: an integer if the number is whole.
 fn tidy(number: f64) -> Value {
     let is_whole = number.fract() == 0.0 && number.abs() < 9e15;
     if is_whole { json!(number as i64) } else { json!(number) }
@@ -308,7 +309,8 @@ fn entered_text(input: Node, path: &str) -> Node {
     input.on_input(move |entered| Msg::Edit(Edit::Set(at.clone(), entered.text().into())))
 }
 
-/// If the text is deleted, the language's entry is removed as well.
+/// An input for a translation. If the user deletes the text, the entry of the language is removed
+/// as well.
 fn entered_translation(input: Node, path: &str) -> Node {
     let at = path.to_owned();
     input.on_input(move |entered| {

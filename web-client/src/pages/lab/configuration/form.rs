@@ -18,11 +18,11 @@ type Node = view::Node<Msg>;
 /// The form, and what it is created from.
 pub(super) struct Form<'a> {
     pub(super) fields: Fields<'a>,
-    /// The languages that the server supports.
+    /// All languages that the server supports.
     pub(super) languages: &'a [String],
     /// Whether the study is new, so that its slug can still be chosen.
     pub(super) is_new: bool,
-    /// Counts how often the form was filled. Each time, its fields are created anew.
+    /// Counts how often the form was filled. Its fields are created anew each time.
     pub(super) givings: u32,
     /// The sections that had errors. They stay open.
     pub(super) opened: &'a [String],
@@ -30,7 +30,7 @@ pub(super) struct Form<'a> {
     pub(super) picture: Option<Node>,
 }
 
-/// A section: its heading, a short summary, the path of its fields, and the fields.
+/// A section: its heading, the path of its fields, a short summary, and the fields.
 struct Section {
     name: &'static str,
     path: &'static str,
@@ -39,7 +39,7 @@ struct Section {
     fields: Vec<Node>,
 }
 
-/// The phases in order, each with its initial number of scenes.
+/// The phases in order, each with its label and its initial number of scenes.
 const PHASES: [(&str, &str, u32); 3] =
     [("familiarisation", "Familiarisation", 6), ("practice", "Practice", 3), ("task", "Tasks", 50)];
 
@@ -79,7 +79,7 @@ impl Form<'_> {
         el("div").class("study-form").test_id("study-form").children(chooser).children(sections)
     }
 
-    /// The controls of a section's settings, or of a single setting.
+    /// The controls of a section's settings, or the control of a single setting.
     fn settings(&self, of: &'static str) -> impl Iterator<Item = Node> {
         let is_of = move |setting: &&Setting| setting.path.split('.').next() == Some(of);
         SETTINGS.iter().filter(is_of).map(|setting| self.fields.setting(setting))
@@ -150,7 +150,7 @@ impl Form<'_> {
         let place = |phase: &str| driven.iter().position(|it| text(it, "phase") == phase);
         let rows = PHASES.iter().enumerate().map(|(i, &(phase, name, scenes))| {
             let there = place(phase);
-            // Keeps the order of the phases, no matter which of them are present.
+            // Insert the phase at its place in the order, no matter which other phases are present.
             let at = PHASES[..i].iter().filter(|(before, ..)| place(before).is_some()).count();
             let include = fields.ticked(
                 &format!("phases.{phase}"),
@@ -310,7 +310,8 @@ impl Form<'_> {
     }
 }
 
-/// The languages for a study's texts: those that it names, otherwise all that the server supports.
+/// The languages for a study's texts: the languages that the study lists, or all that the server
+/// supports.
 pub(super) fn offered<'a>(study: &'a Value, all: &'a [String]) -> Vec<&'a str> {
     let named: Vec<_> = list(study, "languages").iter().filter_map(Value::as_str).collect();
     if named.is_empty() { all.iter().map(String::as_str).collect() } else { named }

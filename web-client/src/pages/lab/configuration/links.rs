@@ -4,8 +4,8 @@ use super::Msg;
 use crate::view::{self, el};
 use sidestep::api::StudyInfo;
 
-/// For each service: the parameter with a person's id, the name of the service, and the query of
-/// its links.
+/// For each service: the parameter that contains a person's id, the name of the service, and the
+/// query of its links.
 const SERVICES: [(&str, &str, &str); 3] = [
     (
         "PROLIFIC_PID",
@@ -16,8 +16,8 @@ const SERVICES: [(&str, &str, &str); 3] = [
     ("workerId", "MTurk: the worker’s id at the end", "workerId="),
 ];
 
-/// The links: one for everybody, if the study does not require an id, and one for each id parameter
-/// that the study accepts.
+/// The links for participants: one for everybody if the study does not require an id, and one for
+/// each id parameter that the study accepts.
 pub(super) fn links(origin: &str, study: &StudyInfo) -> view::Node<Msg> {
     let address = format!("{origin}/s/{}", study.slug);
     let everybody =

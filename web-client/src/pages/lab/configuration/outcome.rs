@@ -1,4 +1,4 @@
-//! The server's remarks on a draft, and the buttons that store it.
+//! The server's remarks on a draft, and the buttons to store it.
 
 use super::editor::Mode;
 use super::fields::{name_of, without_path};
@@ -12,7 +12,7 @@ type Node = view::Node<Msg>;
 /// Maximum number of warnings shown.
 const MOST_WARNINGS: usize = 3;
 
-/// The part beside the draft: the server's remarks, the differences, and the buttons that store the
+/// The part beside the draft: the server's remarks, the differences, and the buttons to store the
 /// draft.
 pub(super) fn said(page: &ConfigurationPage) -> Vec<Node> {
     let Some(checked) = &page.editor.checked else {
@@ -33,8 +33,8 @@ pub(super) fn said(page: &ConfigurationPage) -> Vec<Node> {
     if !page.may_manage || !page.is_changed() {
         return said;
     }
-    // Storing requires that the last input was checked, because only the check converts the form to
-    // text.
+    // The draft can be stored only after the last input was checked, because only the check
+    // converts the form to text.
     let is_sound = checked.complaint.is_none() && page.editor.is_current();
     let store = |words: &str| {
         button("store", Msg::Store).class("primary").attr_if(!is_sound, "disabled", "").text(words)
@@ -75,7 +75,8 @@ pub(super) fn said(page: &ConfigurationPage) -> Vec<Node> {
     said
 }
 
-/// The names of fields: as in the form if the form is shown, otherwise as in the study file.
+/// The names of fields: the labels of the form if the form is shown, otherwise the names in the
+/// study file.
 struct Names<'a> {
     labels: Vec<(String, String)>,
     language: &'a str,
@@ -103,7 +104,7 @@ impl<'a> Names<'a> {
     }
 }
 
-/// The error or the warnings, by line or by field.
+/// The error or the warnings, named by line or by field.
 fn remarks(checked: &DraftChecked, mode: Mode, names: &Names<'_>) -> Vec<Node> {
     let remark = |remark: &Remark| {
         let line = remark.line.filter(|_| mode == Mode::Text);

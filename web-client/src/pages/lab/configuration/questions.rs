@@ -1,5 +1,5 @@
-//! Questions in the form: the questions after the last scene, and those of the check of
-//! understanding.
+//! Questions in the form: the questions after the last scene and the questions of the comprehension
+//! check.
 
 use super::document::{list, number, text};
 use super::edit::new_option;
@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 type Node = view::Node<Msg>;
 
-/// The kinds of answers, in words.
+/// The kinds of answers, with their descriptions.
 const KINDS: [(&str, &str); 3] =
     [("text", "free text"), ("choice", "one of several options"), ("scale", "a number on a scale")];
 
@@ -55,7 +55,7 @@ pub(super) fn question(fields: &Fields<'_>, i: usize, question: &Value) -> Node 
     entry(fields, "questions", i, inside)
 }
 
-/// The fields of a question of the check of understanding.
+/// The fields of a question of the comprehension check.
 pub(super) fn check(fields: &Fields<'_>, i: usize, options: usize) -> Node {
     let path = format!("comprehension.questions[{i}]");
     let right = number(fields.given, &format!("{path}.answer"));

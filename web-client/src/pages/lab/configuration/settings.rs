@@ -1,32 +1,33 @@
 //! The settings of a study that have one control each, in the order of the form.
 
-/// What sets a value.
+/// The control of a setting.
 #[derive(Clone, Copy)]
 pub(super) enum Control {
-    /// A number, in this unit.
+    /// A field for a number, with this unit.
     Number(&'static str),
     Tick,
-    /// A text of one line.
+    /// A field for a single line of text.
     Line,
-    /// A text of a few words.
+    /// A field for a few words.
     Short,
-    /// Texts, separated by commas.
+    /// A field for texts, separated by commas.
     Names,
-    /// A text for all languages, or one for each.
+    /// A field for one text for all languages, or for one text per language.
     Fact,
-    /// A long text in each language.
+    /// A field for a long text in each language.
     Markdown,
-    /// One of these values, which have labels.
+    /// A selection list with these values and labels.
     Choice(&'static [(&'static str, &'static str)]),
 }
 
 /// A setting.
 pub(super) struct Setting {
-    /// Its path in the study, such as `trials.countdown_s`. The first part selects the section.
+    /// The setting's path in the study, such as `trials.countdown_s`. The first part of the path
+    /// selects the section.
     pub(super) path: &'static str,
     pub(super) control: Control,
     pub(super) label: &'static str,
-    /// More words below the control, or nothing.
+    /// An explanation below the control. May be empty.
     pub(super) hint: &'static str,
 }
 
@@ -41,7 +42,7 @@ const fn row(
 
 use Control::{Choice, Fact, Line, Markdown, Names, Number, Short, Tick};
 
-/// The hint of a return link.
+/// The hint for a return link.
 const LINK: &str =
     "From the service, such as https://app.prolific.com/submissions/complete?cc=CODE; empty: none.";
 

@@ -30,9 +30,9 @@ pub(super) fn taking_part(page: &ConfigurationPage, study: &StudySummary) -> Nod
         Status::Archived => "Nothing more is stored. The study can still be viewed.",
     };
     let choice = |status: Status, words: &str| {
-        // Before the first check, it is not known whether anything is missing.
+        // Before the first check, it is unknown whether anything is missing.
         let is_early = status == Status::Open && page.editor.checked.is_none();
-        // Changing the status reloads the stored configuration, so edits in progress would be lost.
+        // Changing the status reloads the stored configuration, so the user's edits would be lost.
         button(&format!("set-{}", status.word()), Msg::Set(status))
             .attr_if(is_early || page.is_changed(), "disabled", "")
             .text(words)

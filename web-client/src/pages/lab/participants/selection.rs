@@ -1,4 +1,4 @@
-//! The selection of participants, as in the page's address and in the query of the server's list.
+//! The selection of participants, in the page's address and in the query for the server's list.
 
 use crate::runtime::{Address, encoded};
 use sidestep::api::Stage;
@@ -11,9 +11,9 @@ pub(super) const PAGE_LENGTH: u64 = 50;
 pub(super) struct Selection {
     /// Only participants at this stage.
     pub(super) stage: Option<Stage>,
-    /// Only participants with this flag, by its word. Empty for all.
+    /// The word of a flag that the participants must have. Empty for all participants.
     pub(super) having: String,
-    /// The search text. Empty for all.
+    /// The search text. Empty for all participants.
     pub(super) search: String,
     /// The word of the column to sort by. If empty, the list is sorted by participant number.
     pub(super) sort: String,
@@ -26,7 +26,7 @@ pub(super) struct Selection {
 }
 
 impl Selection {
-    /// The selection in the page's address.
+    /// Reads the selection from the page's address.
     pub(super) fn of(address: &Address) -> Self {
         let text = |name: &str| address.parameter(name).unwrap_or_default().to_owned();
         Self {
@@ -40,7 +40,7 @@ impl Selection {
         }
     }
 
-    /// The query for the server's list, which is also the query of the page's own address.
+    /// The query for the server's list. The page's own address has the same query.
     pub(super) fn query(&self) -> String {
         let mut query = format!("limit={PAGE_LENGTH}");
         let mut add = |name: &str, value: &str| {
@@ -63,8 +63,8 @@ impl Selection {
         self.stage.is_some() || !self.having.is_empty() || !self.search.is_empty()
     }
 
-    /// Sorts by a column in descending order. If the list is already sorted by this column,
-    /// reverses the order.
+    /// Sorts by a column in descending order, or reverses the order if the list is already sorted
+    /// by this column in descending order.
     pub(super) fn sort_by(&mut self, column: &str) {
         self.descending = self.sort != column || !self.descending;
         self.sort = column.to_owned();

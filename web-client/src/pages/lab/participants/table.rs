@@ -89,8 +89,8 @@ pub(in super::super) fn stage_words(stage: Stage) -> &'static str {
     }
 }
 
-/// The table with the participants of a page. Only users who may download data see external ids and
-/// codes.
+/// The table of the participants on this page of the list. Only users who may download data see
+/// external ids and codes.
 pub(super) fn table(page: &ParticipantPage, selection: &Selection, identities: bool) -> Node {
     let sort = if selection.sort.is_empty() { "number" } else { &selection.sort };
     let column = |words: &'static str, word: &'static str| {

@@ -65,7 +65,7 @@ fn picture(trial: &TrialPicture, danger_radius_m: f64) -> Node {
     let room = height - STRIP - 4.0;
     let scale = (width / (high[0] - low[0])).min(room / (high[1] - low[1]));
     let scale = if scale.is_finite() { scale } else { 1.0 };
-    // Maps positions to the picture: centred, with y upwards.
+    // Maps positions to the picture, centred and with y pointing upwards.
     let middle = [0, 1].map(|axis| 0.5 * (low[axis] + high[axis]));
     let place = |[x, y]: [f64; 2]| {
         [0.5 * width + scale * (x - middle[0]), 0.5 * room - scale * (y - middle[1])]

@@ -15,7 +15,7 @@ use sidestep::trial_view::source::fitted;
 const FILE: &str = r#"{"format":"sidestep-predictor/1","kind":"constant","features":["distance"],
     "classes":[-1,0,1],"probabilities":[0.25,0.5,0.25]}"#;
 
-/// A replay with its value function and the default predictor.
+/// Opens a replay and loads its value function and the default predictor.
 fn predicted() -> Session {
     let mut session = replay_of_equals();
     session.send("predictor", 200, &trained(0.9, None));
@@ -37,7 +37,8 @@ fn baselines_need_no_server_and_are_in_the_link() {
         assert_eq!(session.link(), format!("/lab/replay/t?predictor={way}"));
         assert_eq!(session.urls().len(), asked, "{way}");
     }
-    // Every trajectory stays inside the worst case, which is one set with every reachable state.
+    // Every trajectory stays inside the worst case, which is a single set that contains every
+    // reachable state.
     let words = session.words("regions").unwrap();
     assert!(words.contains("F 1 1.00 5.33") && !words.contains("F 2"), "{words}");
     session.choose("choose-predictor", "");
@@ -126,7 +127,7 @@ fn two_predictors_side_by_side_have_one_clock_and_one_link() {
     assert_eq!(shown.canvas, "replay-beside");
     let step = shown.attributes.iter().find(|(name, _)| *name == "data-step");
     assert_eq!(step.map(|(_, value)| value.as_str()), Some("12"));
-    // It has the same layers, but other sets.
+    // The second picture has the same layers, but different sets.
     let first = session.picture().unwrap();
     assert_eq!(first.shapes().len(), shown.shapes().len());
     let numbers = session.words("numbers-beside").unwrap();
@@ -154,7 +155,7 @@ fn two_predictors_side_by_side_have_one_clock_and_one_link() {
     session.choose("choose-predictor-beside", "constant");
     assert_eq!(session.link(), format!("{both}&t=2.4"));
 
-    // Both pictures are saved, as one picture.
+    // Both pictures are saved together as one picture.
     session.press("save-svg");
     session.press("save-png");
     for (_, content) in &session.files {
@@ -163,7 +164,7 @@ fn two_predictors_side_by_side_have_one_clock_and_one_link() {
             assert!(svg.contains(expected), "{expected}");
         }
     }
-    // The next trial opens in the same view.
+    // The link to the next trial opens it in the same view.
     let view = session.page.view();
     let next = view.find("next-trial").unwrap().attribute("href").unwrap();
     assert_eq!(next, "/lab/replay/after?predictor=worst-case&beside=constant");
@@ -219,7 +220,8 @@ fn models_of_other_people_and_studies_are_found_by_words() {
     assert!(session.words("finder").is_none());
 }
 
-/// Sets learned from six tasks, as the server sends them, with its counts over the other tasks.
+/// Sets learned from six tasks, as the server sends them, with the server's counts over the other
+/// tasks.
 fn learned_sets(family: EmpiricalFamily) -> LearnedSets {
     let drives = usual();
     let task = |drive: &Drive| drive.trajectory(&drives.parameters).unwrap();
@@ -231,8 +233,8 @@ fn learned_sets(family: EmpiricalFamily) -> LearnedSets {
     LearnedSets { sets: fitted.sets, trials: 6, held }
 }
 
-/// Sets learned from recorded futures have levels instead of ε and no probabilities of inputs.
-/// Their counts are over the tasks that did not train them.
+/// Sets learned from recorded futures have levels instead of ε, and no probabilities of inputs.
+/// They are counted over the tasks that did not train them.
 #[test]
 fn learned_sets_say_their_levels_and_no_inputs() {
     for (family, level) in [
@@ -281,7 +283,8 @@ fn learned_sets_say_their_levels_and_no_inputs() {
         for piece in sets.sets().iter().flat_map(|set| &set.tube).filter(|it| !it.is_empty()) {
             assert!(painted(piece), "{way}");
         }
-        // The strip has no probabilities, because it shows those of the first pane, which has none.
+        // The strip shows the probabilities of the first pane. That pane now has none, so the strip
+        // has none either.
         session.choose("choose-predictor", way);
         session.send("predictor", 200, &learned_sets(family));
         session.press("numbers-switch");

@@ -45,7 +45,7 @@ fn opened(access: Access) -> Session {
 }
 
 impl Session {
-    /// Shows the study file instead of the form, and types this text.
+    /// Switches from the form to the study file, and types this text.
     fn type_text(&mut self, text: &str) {
         self.press("as-text");
         let typed = self.page.view().enter("toml", FieldValue::Text(text.into()));
@@ -164,7 +164,7 @@ fn a_new_study_begins_closed_and_is_named_after_its_title() {
         (&config["slug"], &config["status"]),
         (&json!("ways-past-a-robot"), &json!("closed"))
     );
-    // A slug that the user entered stays.
+    // A slug that the user has entered does not follow the title.
     session.enter("slug", FieldValue::Text("spring".into()));
     session.enter("title", FieldValue::Text("Another title".into()));
     session.enter("status", FieldValue::Text("open".into()));
@@ -193,7 +193,7 @@ fn a_study_is_closed_and_has_its_links() {
         let link = view.find(name).unwrap().attribute("href").unwrap();
         assert!(link.starts_with("/s/pilot?"), "{link}");
     }
-    // The status cannot be changed while there are edits that would be lost.
+    // The status cannot be changed while this would discard edits.
     session.type_text("slug = \"pilot\"\n# more");
     assert!(session.page.view().press("set-open").is_none());
 }
@@ -217,7 +217,7 @@ impl Session {
         self.tell(entered.unwrap_or_else(|| panic!("no field {field}")));
     }
 
-    /// The study that the form sends after a pause in typing.
+    /// Returns the study that the form sends after a pause in typing.
     fn sent(&mut self) -> Value {
         self.wake("pause");
         let request = self.asked.last().unwrap();
@@ -244,7 +244,7 @@ fn every_field_of_the_form_is_a_field_of_the_study() {
     let shown: Vec<_> =
         view.test_ids().into_iter().filter_map(|name| name.strip_prefix("field-")).collect();
     let of = |path: &str| shown.contains(&path);
-    // Tables in lists, texts by language and sentences have no fields here.
+    // Tables in lists, texts by language and sentences are not checked here.
     let without = ["status", "slug", "questions", "texts", "phases", "comprehension.questions"];
     let mut leaves = Vec::new();
     paths(&config, String::new(), &mut leaves);
@@ -280,7 +280,7 @@ fn the_form_becomes_a_study_file_and_the_file_a_form() {
     session.enter("consent.investigator", FieldValue::Text("Ada".into()));
     session.enter("parameters.human.speed_mps", number(1.5));
     assert!(session.guarded);
-    // The text does not contain the input yet.
+    // The text does not contain the form's input yet.
     assert!(session.page.view().press("store").is_none());
     let sent = session.sent();
     assert_eq!(sent["phases"][2]["scenes"], 20);
@@ -292,13 +292,13 @@ fn the_form_becomes_a_study_file_and_the_file_a_form() {
     assert!(session.asked.last().unwrap().body.as_ref().unwrap().contains("written = true"));
     session.send("store", 200, &configuration("slug = \"pilot\"\nwritten = true\n", 2));
     assert!(!session.guarded);
-    // Now in the other direction.
+    // Now in the other direction: from the text to the form.
     session.type_text("slug = \"pilot\"\ntitle = \"Typed\"");
     session.wake("pause");
     let mut config = serde_json::to_value(StudyConfig::default()).unwrap();
     config["title"] = json!("Typed");
     let checked = DraftChecked { config: Some(config), ..sound(vec![change()]) };
-    // The text area that the user types in stays, with its text.
+    // The text area in which the user types is not replaced.
     let area =
         |view: crate::view::Node<_>| view.find("toml").unwrap().identity().map(str::to_owned);
     let typed_in = area(session.page.view());

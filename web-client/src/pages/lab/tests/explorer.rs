@@ -48,7 +48,7 @@ pub(super) fn usual() -> Drives {
     drives(SceneParameters::default(), Some(exact().id()))
 }
 
-/// The explorer at this address, once the tasks and the value function have arrived.
+/// Opens the explorer at this address, and loads the tasks and the value function.
 fn arrived(path: &str) -> Session {
     let mut session = signed_in(path);
     session.send("drives", 200, &usual());
@@ -56,7 +56,7 @@ fn arrived(path: &str) -> Session {
     session
 }
 
-/// The explorer at this address, once the predictor is trained and all tasks are counted.
+/// Opens the explorer at this address, trains the predictor and counts all tasks.
 fn opened(path: &str) -> Session {
     let mut session = arrived(path);
     session.evaluate("evaluator");
@@ -70,15 +70,15 @@ impl Session {
         (0..).map_while(area).collect()
     }
 
-    /// The link, after it was updated.
+    /// Updates the link and returns it.
     fn linked(&mut self) -> String {
         self.wake("link");
         self.visited.last().cloned().unwrap_or_default()
     }
 }
 
-/// Passes on the predictor that the command line would train on the same tasks, with the tasks and
-/// their split.
+/// Calls `work` with the predictor that the command line would train on the same tasks, and with
+/// the tasks and their split.
 fn at_the_command_line<T>(
     work: impl FnOnce(Prediction<'_, PredictedHuman<'_>>, &Parts, &[Trajectory]) -> T,
 ) -> T {
@@ -100,7 +100,7 @@ fn at_the_command_line<T>(
     work(Prediction::new(&drives.parameters, &human), &parts, &trajectories)
 }
 
-/// How often the future is inside the sets, counted as the command line does.
+/// How often the future is inside the sets, counted in the same way as on the command line.
 fn counted_at_the_command_line(file: &ShfrsFile) -> Vec<String> {
     at_the_command_line(|prediction, parts, trajectories| {
         let sample = parts.sample(trajectories);
@@ -223,7 +223,7 @@ fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
             "{k}"
         );
     }
-    // The same holds for settings in a link.
+    // Settings in a link are checked in the same way.
     let link = "/lab/explorer/p?T=20&eps=0.59,0.39,1";
     let mut session = opened(link);
     let said = session.words("complaint").unwrap();
@@ -234,7 +234,8 @@ fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
         "Nothing is predicted with these settings."
     );
     assert!(session.page.view().find("tune").unwrap().attribute("disabled").is_some());
-    // A slider pushes the sliders of the neighbouring sets, which resolves the conflict.
+    // Moving a slider past the slider of a neighbouring set also moves that slider, which resolves
+    // the conflict.
     session.slide("epsilon-1", 0.6);
     session.evaluate("evaluator");
     assert_eq!(session.words("complaint"), None);
@@ -246,8 +247,8 @@ fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
     let mut session = opened("/lab/explorer/p");
     session.press("preset-0");
     assert_eq!((session.words("complaint"), session.areas()), (None, before.0));
-    // One step and a hundred steps can both be predicted. A hundred steps cannot be counted on
-    // tasks of fifty steps.
+    // Sets can be predicted for one step and for a hundred steps. However, a hundred steps cannot
+    // be counted on tasks of fifty steps.
     session.slide("steps", 1.0);
     session.evaluate("evaluator");
     assert!(session.words("p-0").unwrap().contains("0."));
@@ -256,7 +257,7 @@ fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
     let said = session.words("not-counted").unwrap();
     assert!(said.contains("Steps ahead, T: expected at most 50"), "{said}");
     assert!(session.areas()[4].parse::<f64>().unwrap() > 100.0);
-    // Sets whose last one does not contain everything cannot be counted either.
+    // If the last set does not contain everything, the sets cannot be counted either.
     session.slide("steps", 10.0);
     session.slide("epsilon-4", 0.5);
     session.evaluate("evaluator");
@@ -302,7 +303,7 @@ fn settings_go_into_a_file_and_come_back() {
     assert_eq!(name, "shfrs-settings.json");
     let file: ShfrsFile = serde_json::from_slice(&content).unwrap();
     assert_eq!((file.steps, file.tau), (2, Some(0.3)));
-    // A preset leaves the roll-outs unchanged. Settings that are not valid cannot be saved.
+    // A preset leaves the kind of roll-outs unchanged. Invalid settings cannot be saved.
     session.choose("rollout", "paper");
     session.press("preset-1");
     session.press("save");
@@ -359,7 +360,7 @@ fn models_of_an_analysis_count_what_did_not_train_them() {
     session.evaluate("evaluator");
     assert!(session.words("counted-words").unwrap().contains("of 12 tasks"));
     assert!(session.linked().contains("analysis=a&file=model.json"));
-    // The same holds for a model with other actions or features.
+    // A model with other actions or features is refused as well.
     let five =
         Predictor::constant(FeatureSet::none(), vec![-2, -1, 0, 1, 2], vec![0.2; 5]).unwrap();
     let five = TrainedPredictor { predictor: PredictorFile::from(&five), ..answer.clone() };
@@ -375,7 +376,7 @@ fn models_of_an_analysis_count_what_did_not_train_them() {
         assert!(said.contains(words), "{said}");
         assert!(session.areas().iter().all(|area| area == "—"));
     }
-    // For a model that does not exist, an error is shown, and no sets of another model.
+    // If a model does not exist, an error is shown, and the sets of the previous model disappear.
     session.choose("choose-predictor", "a/other.json");
     session.answer("predictor", 404, br#"{"code":"not_found","message":"there is no such model"}"#);
     assert!(session.words("refused").unwrap().contains("no such model"));

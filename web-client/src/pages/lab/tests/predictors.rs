@@ -33,7 +33,7 @@ pub(super) fn page(predictors: Vec<PredictorSummary>, total: u64) -> PredictorPa
     PredictorPage { predictors, total, choices }
 }
 
-/// The page of a finished analysis with these models.
+/// Opens the page of a finished analysis with these models.
 fn listed(path: &str, models: &PredictorPage) -> Session {
     let mut session = signed_in(path);
     session.send("analysis", 200, &detail(AnalysisState::Done));
@@ -59,7 +59,7 @@ fn models_are_filtered_and_paged_by_the_server() {
     let asked = "/api/v1/admin/analyses/a1/predictors?limit=20";
     assert_eq!(session.urls().last().unwrap(), &format!("{asked}&offset=20"));
     assert_eq!(session.visited.last().unwrap(), "/lab/analyses/a1?offset=20");
-    // Another filter leads back to the first page.
+    // Changing a filter returns to the first page.
     session.choose("only-participant", "2");
     session.choose("only-model", "dt");
     session.choose("only-experiment", "1");
@@ -137,8 +137,8 @@ fn asked(session: &Session) -> Vec<&str> {
     session.urls().into_iter().filter(|url| url.contains("/predictor")).collect()
 }
 
-/// A replay with the default predictor, in a study whose newest analysis has two models of the
-/// participant.
+/// Opens a replay with the default predictor, in a study whose newest finished analysis has two
+/// models of the participant.
 fn replay_with_models() -> Session {
     let mut session = replay_of_equals();
     session.send("predictor", 200, &trained(0.9, None));
@@ -171,7 +171,7 @@ fn another_predictor_changes_the_prediction_and_the_address_but_not_the_time() {
     }
     session.tell(session.page.view().enter("slider", FieldValue::Number(Some(2.4))).unwrap());
     session.choose("choose-predictor", LR);
-    // Nothing of the previous predictor is shown any more.
+    // Nothing from the previous predictor is shown any more.
     assert!(session.words("prediction").is_none() && session.words("regions").is_none());
     assert!(session.words("predictor").unwrap().contains("Loading"));
     let query = "?analysis=a1&file=models%2Flr-1-hrd-1.json";

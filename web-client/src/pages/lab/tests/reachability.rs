@@ -15,7 +15,7 @@ impl Session {
         self.visited.last().cloned().unwrap_or_default()
     }
 
-    /// A pointer action at this position, in fractions of the element's width and height.
+    /// Performs a pointer action at this position, in fractions of the element's width and height.
     fn point(&mut self, test_id: &str, at: [f32; 2], does: Does) {
         let value = FieldValue::Pointing(Pointing { at, does });
         self.tell(self.page.view().enter(test_id, value).unwrap());
@@ -48,7 +48,8 @@ fn equal_vehicles_are_shown_at_once_in_closed_form() {
     let session = signed_in(PATH);
     assert!(session.solving.is_empty());
     assert!(session.words("origin").unwrap().contains("closed form"));
-    // Head on and 2 m aside, the paper's human can no longer avoid a collision.
+    // If the robot approaches head on, 2 m to the side, the paper's human can no longer avoid a
+    // collision.
     let expected = ExactLevel::at([8.0, 2.0, std::f64::consts::PI]);
     assert!(session.number("V").starts_with(&sidestep::chart::fixed(expected, 3)));
     assert!(session.words("verdict").unwrap().contains("can force a collision"));
@@ -84,7 +85,7 @@ fn unequal_vehicles_are_solved_beside_the_page() {
     let origin = session.words("origin").unwrap();
     assert!(origin.contains("polar, 65 × 96 × 96 nodes, solved here in 0.31 s"), "{origin}");
     assert_eq!(session.written_link(), format!("{PATH}?pursuer-turn-rate=0.35&accuracy=draft"));
-    // With identical vehicles again, nothing must be solved.
+    // The vehicles are identical again, so there is nothing to solve.
     session.choose("pursuer-turn-rate", "0.4");
     session.choose("pursuer-turn-rate", "0.5");
     assert!(session.solving.is_empty());
@@ -114,7 +115,7 @@ fn values_that_are_not_valid_are_named_and_change_nothing() {
     assert!(session.words("map").is_some());
     session.choose("radius", "3");
     assert_eq!(session.words("misread"), None);
-    // For an invalid combination, the error message is that of the command line.
+    // An invalid combination gives the same error message as on the command line.
     session.choose("method", "exact");
     session.choose("evader-speed", "1");
     let why = session.words("unsolved").unwrap();
@@ -159,12 +160,12 @@ fn pointers_and_keys_read_numbers_and_play() {
     assert!(session.words("world").is_some());
     session.type_key("Escape");
     assert_eq!(session.words("played"), None);
-    // Pressing on the map starts a game there. Outside the axes, it has no effect.
+    // Pressing on the map starts a game at that position. Pressing outside the axes has no effect.
     session.point("map", [0.0, 0.0], Does::Press);
     assert_eq!(session.words("played"), None);
     session.point("map", [0.3, 0.4], Does::Press);
     assert!(session.words("played").is_some());
-    // Optimal play achieves V, up to a few centimetres.
+    // Optimal play achieves V within a few centimetres.
     let words = session.words("played").unwrap();
     let difference = words.rsplit("difference").next().unwrap().trim().replace(" m", "");
     assert!(difference.replace('−', "-").parse::<f64>().unwrap().abs() < 0.03, "{words}");
@@ -235,7 +236,7 @@ fn the_tube_turns_and_has_a_substitute() {
     session.choose("level", "-3");
     assert!(session.words("no-tube").is_some());
     session.choose("level", "0");
-    // While the graphics are lost, the page shows slices.
+    // While the graphics context is lost, the page shows slices.
     let tell = session.page.solid().unwrap().then;
     session.tell(tell(false));
     assert!(session.page.solid().is_none());

@@ -14,7 +14,7 @@ const PREDICTOR: &str = r#"{"predictor":{"format":"sidestep-predictor/1","kind":
     "features":["distance"],"classes":[-1,0,1],"probabilities":[0.6,0.3,0.1]},
     "trials":7,"fallback":null}"#;
 
-/// A replay at this address, once its value function and a predictor have arrived.
+/// Opens a replay at this address, and loads its value function and a predictor.
 fn opened(path: &str) -> Session {
     let parameters = SceneParameters::default();
     let function = ValueFunction::Exact(parameters.game(Evader::Human).exact().unwrap());
@@ -38,7 +38,7 @@ impl Session {
         found.map(|(_, value)| value.clone()).unwrap()
     }
 
-    /// The link, after it was updated.
+    /// Updates the link if an update is due, and returns it.
     pub(super) fn link(&mut self) -> &str {
         if self.timers.iter().any(|(name, ..)| *name == "link") {
             self.wake("link");
@@ -66,7 +66,7 @@ fn keys_step_play_and_change_the_speed() {
     session.key("ArrowUp");
     session.key("ArrowUp");
     assert_eq!(session.link(), "/lab/replay/t?speed=4");
-    // It plays four times as fast, and shows the current time.
+    // The replay plays at four times the speed, and shows the current time.
     session.at(1000.0).key("Space");
     session.at(1500.0).frame();
     assert_eq!(session.seen("data-step"), "10");
@@ -114,7 +114,7 @@ fn a_link_that_is_not_valid_says_what_is_wrong() {
     let mut session = opened("/lab/replay/t?t=3.4&hr=1,0");
     let said = session.words("misread").unwrap();
     assert!(said.contains("hr: expected 1 to 8 rising levels"), "{said}");
-    // The same holds for a field. Its previous value stays.
+    // Fields are checked in the same way. An invalid input leaves the previous value unchanged.
     session.choose("levels-hr", "0,1");
     assert_eq!(session.words("misread"), None);
     session.choose("levels-hr", "many");
@@ -133,7 +133,7 @@ fn a_link_to_a_step_beyond_the_predicted_ones_shows_the_last_and_says_so() {
     assert!(session.link().contains("sets=10"), "{}", session.link());
     assert!(session.words("legend").unwrap().contains("after 2.0 s"));
     assert_eq!(opened("/lab/replay/t?sets=10").words("misread"), None);
-    // Another error message in the link stays.
+    // A notice about the step does not hide another error in the link.
     let unknown = opened("/lab/replay/t?row=yes&times=5").words("misread").unwrap();
     assert!(
         unknown.contains("does not use times in its link: expected t, speed, show"),
@@ -224,7 +224,7 @@ fn a_film_lasts_as_long_as_it_plays() {
     assert!(session.page.wants_frames(), "what is filmed plays");
     let (name, file, filmed) = session.films.remove(0);
     assert_eq!(file, "default-participant-1-task-1-8.0-s.webm");
-    // The film ends when the trial ends. No other trial follows.
+    // The film ends with the trial, and no other trial follows.
     session.at(1500.0).frame();
     assert!(session.films_ended.is_empty());
     session.at(9000.0).frame();
@@ -243,8 +243,8 @@ fn a_film_lasts_as_long_as_it_plays() {
     assert_eq!(session.films_ended.len(), 2, "there is nothing to end any more");
 }
 
-/// How often the paper's sets contain the future in tasks that did not train this predictor,
-/// counted directly.
+/// The share of futures that the paper's sets contain, counted directly over tasks that did not
+/// train this predictor.
 fn counted(predictor: &Predictor, unseen: &[Drive], parameters: &SceneParameters) -> Vec<String> {
     let safety = SafetyLevels { human: exact(), robot: exact() };
     let human = PredictedHuman::new(predictor, &safety, parameters).unwrap();
@@ -284,7 +284,7 @@ fn sets_say_how_often_they_hold_the_future() {
     assert!(words.contains("492 windows of 12 tasks"), "{words}");
     assert!(session.evaluators.is_empty(), "it is not needed any more");
 
-    // With another predictor, counting starts again without the tasks that trained it.
+    // With another predictor, counting starts again, without the tasks that trained this predictor.
     session.choose("choose-predictor", "a1/models/m.json");
     assert_eq!(session.words("p-0"), None, "there are no sets either");
     let trained = PREDICTOR.replace("\"trials\":7", "\"trials\":2,\"trained_on\":[\"t0\",\"t5\"]");
@@ -295,7 +295,7 @@ fn sets_say_how_often_they_hold_the_future() {
     assert_eq!(shown(&session), counted(&predictor, &unseen, &drives.parameters));
     assert!(session.words("p-words").unwrap().contains("of 10 tasks"));
 
-    // The worst case is one set, and every trajectory stays inside it.
+    // The worst case is a single set, and every trajectory stays inside it.
     session.choose("choose-predictor", "worst-case");
     session.evaluate("chances");
     let [only] = &shown(&session)[..] else { panic!("one set") };

@@ -86,7 +86,7 @@ fn a_new_server_says_how_to_begin() {
     assert_eq!(href("try"), "/s/default?pilot");
     assert_eq!(href("rehearse"), "/s/default?simulate=1&speed=10");
     assert_eq!(session.words("demo").unwrap(), "sidestep serve --demo");
-    // People cannot take part in a demonstration that is still being filled.
+    // People cannot take part in a demonstration study whose data are still being generated.
     let demo = StudySummary { synthetic: true, ..study("demo", 0) };
     session.changed();
     session.send("studies", 200, &vec![demo]);
@@ -142,7 +142,7 @@ fn participants_are_chosen_sorted_and_paged_by_the_server() {
         assert!(row.contains(words), "{words}: {row}");
     }
     assert_eq!(session.words("range").unwrap(), "1–1 of 120");
-    // A new selection starts at the first page, and the address contains it.
+    // A new selection starts at the first page and changes the address.
     session.press("next");
     assert_eq!(list(&session), format!("{start}&stage=task&offset=50"));
     session.press("stage-all");
@@ -176,7 +176,7 @@ fn participants_are_shown_as_they_come() {
     session.send("participants", 200, &people(vec![person(1, Stage::Complete)], 1));
     assert!(session.words("participants").unwrap().contains("CODE"));
     assert!(session.words("counts").unwrap().starts_with("1 participant ·"));
-    // A page that does not follow changes receives none.
+    // A page that does not follow changes gets no change events.
     session.go("/lab/self-check");
     assert!(session.following.is_empty());
 }
@@ -235,7 +235,7 @@ fn older_trials_come_once_however_often_they_are_asked_for() {
     assert_eq!(session.urls().len(), 1);
     assert!(session.urls()[0].ends_with("&before=7"), "{:?}", session.urls());
     assert!(session.page.view().press("more").is_none(), "the button is off meanwhile");
-    // After a failure, the list and the button stay.
+    // After a failure, the list and the button remain.
     session.unreachable("older");
     assert!(session.words("trials").is_some());
     assert!(session.words("no-more").unwrap().contains("cannot be reached"));

@@ -1,4 +1,4 @@
-//! Tests of the check of understanding, the questions and the withdrawal.
+//! Tests of the comprehension check, the questions and the withdrawal.
 
 use super::*;
 
@@ -46,7 +46,7 @@ fn understanding_is_checked_before_the_scenes() {
     session.send("check", 200, &open);
     assert!(session.text().contains("Please choose another answer."));
     assert!(session.text().contains("You can try 2 more times."));
-    // Reading the instructions again does not restore attempts.
+    // Reading the instructions again does not give new attempts.
     session.press("again");
     session.press("continue");
     assert!(session.text().contains("You can try 2 more times."));
@@ -60,7 +60,7 @@ fn understanding_is_checked_before_the_scenes() {
     assert!(session.words("start").is_some());
 }
 
-/// For each question of a form, whether it is marked as not answered.
+/// For each question of a form, whether it is marked as unanswered.
 fn marked(session: &Session, form: &str) -> Vec<bool> {
     let view = session.page.view();
     let questions = view.find(form).unwrap().children.iter().filter_map(|child| match child {
@@ -179,7 +179,7 @@ fn stopping_keeps_or_deletes() {
         assert_eq!(withdrawal.unwrap().url, url);
         session.send("withdraw", 200, &Withdrawn { return_url: Some("https://r/".into()) });
         assert!(session.words("ended").unwrap().contains(words));
-        // If the data are deleted, nothing is left in the browser. Otherwise the participant can
+        // If the data are deleted, nothing remains in the browser. Otherwise, the participant can
         // return to this page.
         let kept: Vec<_> = session.kept.keys().map(String::as_str).collect();
         let expected: &[_] =
@@ -189,7 +189,7 @@ fn stopping_keeps_or_deletes() {
     }
 }
 
-/// A study that asks new questions in the check of understanding after a wrong answer.
+/// A study that asks new questions in the comprehension check after a wrong answer.
 #[test]
 fn after_a_wrong_answer_other_questions_come() {
     for after_wrong in [AfterWrong::Renew, AfterWrong::Reread] {
@@ -221,8 +221,8 @@ fn after_a_wrong_answer_other_questions_come() {
         let stored = ComprehensionStored { screened_out: false, after_wrong, return_url: None };
         answer(&mut session, "1");
         session.send("check", 200, &stored);
-        // The page does not reveal which answer was wrong. It ignores answers until the new
-        // questions have arrived.
+        // The page does not show which answer was wrong. It ignores answers until the new questions
+        // have arrived.
         answer(&mut session, "0");
         assert_eq!(session.urls(), ["/api/v1/studies/default/texts"]);
         assert!(

@@ -70,7 +70,7 @@ fn feedback_stays_as_long_as_the_study_says_from_when_it_is_seen() {
         session.begin();
         session.press("start");
         session.pass(COUNTDOWN_MS + 9_990.0);
-        // The scene ends while nothing is painted, so the participant has not seen the end.
+        // No frame is painted when the scene ends, so the participant has not seen the end.
         session.now_ms += 60.0;
         let message = session.page.tick(session.now_ms).unwrap();
         session.tell(message);
@@ -90,7 +90,7 @@ fn feedback_stays_as_long_as_the_study_says_from_when_it_is_seen() {
     );
 }
 
-/// A browser may never draw the page again.
+/// The browser may never draw the page again.
 #[test]
 fn what_is_never_drawn_ends_too() {
     let mut session = begun();

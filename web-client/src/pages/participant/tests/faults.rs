@@ -79,7 +79,7 @@ fn a_withdrawal_is_sent_until_it_is_stored_unless_the_person_goes_back() {
 
 #[test]
 fn a_link_that_is_wrong_leaves_the_participation_of_this_browser_alone() {
-    // In a browser that has stored nothing.
+    // First, in a browser that has stored nothing.
     let mut stranger = opened(BTreeMap::new(), "#continue=forged");
     stranger.send("study", 200, &StudyInfo::of(&StudyConfig::default(), Status::Open.into()));
     stranger.send("texts", 200, &texts());
@@ -87,7 +87,7 @@ fn a_link_that_is_wrong_leaves_the_participation_of_this_browser_alone() {
     assert!(stranger.asked.is_empty(), "what would come later says nothing of the link");
     assert!(stranger.words("trouble").unwrap().contains("not valid"));
     assert!(stranger.words("consent").is_some());
-    // In the browser of a participant.
+    // Then, in the browser of a participant.
     let kept = begun().kept;
     let mut session = open_at(kept.clone(), &StudyConfig::default(), "#continue=forged");
     assert_eq!(session.asked[0].token.as_deref(), Some("forged"));
@@ -125,7 +125,7 @@ fn a_countdown_that_nobody_saw_begins_again() {
     session.pass(COUNTDOWN_MS / 2.0);
     session.at(session.now_ms + 60_000.0).frame();
     assert!(session.words("start").is_some());
-    // The scene has not moved, so it does not count as shown.
+    // The scene has not moved, so it does not count as an exposure.
     assert!(!session.kept.keys().any(|name| name.contains("exposures")));
     session.drive();
     assert_eq!(session.uploaded("t0").exposures, 1);

@@ -1,5 +1,5 @@
-//! Tests of the way to the first scene: who can take part, consent, keys, languages, links and test
-//! runs.
+//! Tests of everything before the first scene: who can take part, consent, keys, languages, links
+//! and test runs.
 
 use super::*;
 
@@ -35,7 +35,7 @@ fn a_study_that_takes_nobody_says_so() {
             open_at(BTreeMap::new(), &StudyConfig { status, ..StudyConfig::default() }, "pilot");
         assert_eq!(pilot.words("consent").is_some(), status == Status::Closed);
     }
-    // The study was closed or became full while the participant was reading the consent text.
+    // The study was closed or became full while the participant read the consent text.
     for (code, words) in [("closed", "This study is closed"), ("full", "This study is full")] {
         let mut session = welcomed();
         session.equipped();
@@ -53,7 +53,7 @@ fn a_study_that_takes_nobody_says_so() {
     );
 }
 
-/// The address to which the page's link leads.
+/// The address of the page's return link.
 fn goes_to(session: &Session) -> Option<String> {
     let view = session.page.view();
     view.find("return").and_then(|link| link.attribute("href")).map(str::to_owned)
@@ -266,7 +266,7 @@ fn another_language_is_asked_for_and_kept() {
     assert!(again.urls().contains(&"/api/v1/studies/default/texts?language=de"));
 }
 
-/// Every key that the page's code uses is in the English language file, and vice versa.
+/// Every sentence key in the page's code is in the English language file, and vice versa.
 #[test]
 fn the_language_file_has_the_sentences_of_the_page() {
     let sources = [
@@ -297,8 +297,8 @@ fn the_language_file_has_the_sentences_of_the_page() {
     let mut unnamed = Vec::new();
     for (key, _) in sentences.iter() {
         let stem = key.strip_suffix(".one").or(key.strip_suffix(".other")).unwrap_or(key);
-        // The server uses the keys of the check of understanding and of the language's name. The
-        // keys of facts are named in the study.
+        // The server uses the keys of the comprehension check and of the language's name. The study
+        // names the keys of the facts.
         let elsewhere = ["check_", "language."];
         let facts = ["investigator", "institution", "contact", "ethics", "retention"];
         let named = elsewhere.iter().any(|table| stem.starts_with(table))

@@ -1,4 +1,4 @@
-//! Tests of uploads, and of failures and refusals.
+//! Tests of uploads, failures and refusals.
 
 use super::*;
 
@@ -99,7 +99,7 @@ fn a_refusal_during_the_next_scene_leaves_that_one_alone() {
     assert_eq!(session.picture().unwrap().attributes, driven);
     session.pass(COUNTDOWN_MS + 11_000.0);
     assert!(session.kept.contains_key("sidestep.outbox.p.t1"));
-    // The first scene is repeated, and then both trials are sent in order.
+    // The participant repeats the first scene, and then both trials are sent in order.
     session.drive();
     session.stored("t0");
     session.stored("t1");
@@ -134,7 +134,7 @@ fn a_server_that_lacks_trials_says_which() {
     session.send("progress", 200, &progress(&["t0"]));
     session.wake("upload-retry");
     session.stored("t1");
-    // The page asks only once, so a server that always gives this answer is not polled forever.
+    // The page asks only once. So it does not poll forever if the server always gives this answer.
     session.send("complete", 409, &refusal("incomplete"));
     assert!(session.words("stuck").is_some());
 }

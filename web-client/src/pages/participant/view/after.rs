@@ -1,4 +1,5 @@
-//! What follows the scenes: questions, uploads and the completion code. Also every other end.
+//! Everything after the scenes: questions, uploads and the completion code, and all other ways to
+//! end.
 
 use super::Node;
 use super::around::{alert, button, card, menu, paragraph, primary, quiet, unanswered};
@@ -133,7 +134,8 @@ pub(super) fn elsewhere(page: &Participant) -> Node {
 }
 
 pub(super) fn withdrawal(page: &Participant) -> Node {
-    // The server keeps only the data that it already has, so unsent trials are sent first.
+    // With a withdrawal, the server keeps only the data that it already has. So the trials in the
+    // outbox are sent first.
     let keep = button("withdraw-keep", Msg::Withdraw(false), &page.say("withdraw.keep")).attr_if(
         !page.outbox.is_empty(),
         "disabled",

@@ -1,4 +1,4 @@
-//! Parts that several of the participant's views share.
+//! Parts that several views of the participant's page share.
 
 use super::Node;
 use crate::pages::participant::state::Stage;
@@ -57,7 +57,7 @@ pub(super) fn keyed(page: &Participant, tag: &'static str, key: &str) -> Node {
     node.text(rest)
 }
 
-/// A hint about the last scene, or the last answers.
+/// A hint about the last scene or about the last answers.
 pub(super) fn hint(page: &Participant) -> Option<Node> {
     page.hint.map(|key| alert("hint", &page.say(key)))
 }
@@ -88,7 +88,7 @@ pub(super) fn languages(page: &Participant) -> Option<Node> {
     Some(el("div").class("languages").child(select))
 }
 
-/// Further options for the participant: another language, full screen, another computer,
+/// Further options for the participant: another language, full screen, another computer, and
 /// withdrawal.
 pub(super) fn menu(page: &Participant) -> Node {
     let mut offers = el("div").children(languages(page));

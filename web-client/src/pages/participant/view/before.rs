@@ -1,4 +1,5 @@
-//! Before the scenes: consent, keyboard and screen, instructions, the check of understanding.
+//! The pages before the scenes: consent, keyboard and screen, instructions, and the comprehension
+//! check.
 
 use super::Node;
 use super::around::{
@@ -16,7 +17,7 @@ use sidestep::trial::Phase;
 /// Estimated time between two scenes (s).
 const BETWEEN_S: f64 = 3.0;
 
-/// Estimated time for the consent text, the checks and the instructions (s), and estimated time per
+/// Estimated times for the consent text, the checks and the instructions together (s), and for each
 /// question (s).
 const READING_S: f64 = 150.0;
 const QUESTION_S: f64 = 15.0;
@@ -62,7 +63,8 @@ pub(super) fn welcome(page: &Participant) -> Node {
             .child(el("h2").text(page.say("welcome.facts")))
             .child(el("dl").class("facts").children(page.texts.facts.iter().map(fact)))
     });
-    // The consent button gets no focus, because a key that scrolls must not consent.
+    // The consent button does not take the focus, because a key press meant for scrolling must not
+    // give consent.
     card(&study.title)
         .children(languages(page))
         .child(el("p").class("lead").text(page.say("welcome.lead")))
@@ -176,7 +178,7 @@ pub(super) fn instructions(page: &Participant) -> Node {
         .child(menu(page))
 }
 
-/// The key of the sentence that says in which scenes the danger zone is visible.
+/// The key of the sentence about the scenes in which the danger zone is visible.
 fn zone_words(study: &StudyInfo) -> &'static str {
     let shown = |phase: &&PhaseConfig| phase.show_danger_zone;
     let shown: Vec<_> = study.phases.iter().filter(shown).map(|phase| phase.phase).collect();
@@ -234,7 +236,7 @@ pub(super) fn comprehension(page: &Participant, quiz: &Quiz) -> Node {
     let missing = quiz.is_incomplete.then(|| alert("missing", &page.say("comprehension.missing")));
     let submit = el("button").class("primary").attr("type", "submit").test_id("submit");
     let again = page.say("comprehension.again");
-    // The key makes new questions a new page, which begins at its top.
+    // With this key, new questions count as a new page, which is shown from its top.
     card(&heading)
         .key(quiz.drawn_at)
         .children(hint(page))
@@ -253,7 +255,8 @@ pub(super) fn comprehension(page: &Participant, quiz: &Quiz) -> Node {
         .child(menu(page))
 }
 
-/// Fills facts about the study into a sentence, which is a standard one or the researcher's.
+/// Fills facts about the study into a sentence, which is either a standard sentence or one written
+/// by the researcher.
 fn filled(study: &StudyInfo, page: &Participant, sentence: &str) -> String {
     page.texts.fill(sentence, &[("radius", study.parameters.danger_radius_m.into())])
 }

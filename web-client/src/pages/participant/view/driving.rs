@@ -74,7 +74,8 @@ pub(super) fn rest(page: &Participant) -> Node {
     el("div").class("stage").child(bar(page, None)).child(card)
 }
 
-/// A scene during its countdown, in motion, or over (then with its outcome).
+/// A scene during its countdown, in motion, or after its end. `outcome` is given only after the
+/// end.
 pub(super) fn scene(
     page: &Participant,
     trial: &PlannedTrial,
@@ -123,7 +124,7 @@ pub(super) fn scene(
     el("div").class("stage").child(bar(page, Some(trial))).child(field).child(keys(page))
 }
 
-/// What the steering keys do, and which of them is down.
+/// What the steering keys do, and which of them is held.
 fn keys(page: &Participant) -> Node {
     let turn = page.held.turn(&page.steering.keys);
     let moves = matches!(page.stage, Stage::Driving(..) | Stage::Countdown(..));

@@ -1,4 +1,4 @@
-//! The section of the form on how people come to the study and where they go from it.
+//! The section of the form about how people come to the study and where they go afterwards.
 
 use super::{Form, Section};
 use crate::pages::lab::configuration::document::number;

@@ -10,7 +10,7 @@ use sidestep::shfrs::tuning::{Tuned, TuningSettings, candidates, tune};
 
 const ONE: WindowChoice = WindowChoice::RandomOne { seed: 0 };
 
-/// The explorer after counting and comparing have finished.
+/// Opens the explorer, and finishes counting and comparing.
 fn compared(path: &str) -> Session {
     let mut session = opened(path);
     session.evaluate("comparer");
@@ -33,7 +33,7 @@ fn areas_are_those_of_the_command_line() {
         let compared = [Compared::Shfrs(choice)].into_iter().chain(Compared::BASELINES);
         let family = |it: Compared| it.family(prediction, &sample.training, 10).unwrap();
         let mut families: Vec<_> = compared.map(family).collect();
-        // Three tasks calibrate, too few for the other default coverages.
+        // Three tasks are for calibration, which is too few for the other default coverages.
         let settings = ParetoSettings::new(vec![0.75], CONFIDENCE, ONE, 10, POINTS).unwrap();
         pareto(&mut families, &sample.calibration, &sample.test, &settings).unwrap()
     });
@@ -68,7 +68,8 @@ fn only_moves_that_matter_compare_again() {
     };
     assert!(idle(&mut session));
     assert_eq!(session.words("areas-twin"), before);
-    // After hundreds of changes, it asks only once, when counting for the last change is done.
+    // After hundreds of changes, only one question is asked, when the sets of the last change are
+    // counted.
     for i in 0..300_u32 {
         session.slide("steps", f64::from(4 + i % 6));
         assert!(idle(&mut session));
@@ -104,7 +105,7 @@ fn tuning_is_that_of_the_command_line() {
         session.choose("guarantee", word);
         session.slide("aim", p);
         if word == "pac" {
-            // pⁿ ≤ 0.05 needs n = 5 tasks, but only three calibrate.
+            // pⁿ ≤ 0.05 needs n = 5 tasks, but only three are for calibration.
             let said = session.words("lacking").unwrap();
             assert!(
                 said.contains("takes 5 tasks") && said.contains("3 of those are for calibration"),
@@ -175,8 +176,8 @@ fn too_few_tasks_are_told_in_a_sentence() {
     }
     assert!(session.page.view().find("leave-tasks-aside").is_none());
     assert!(session.words("p-4").unwrap().contains("1.000"));
-    // A predictor trained on almost all tasks leaves too few for calibration. Another predictor
-    // leaves enough.
+    // A predictor trained on almost all tasks leaves too few tasks for calibration. Another
+    // predictor leaves enough.
     let mut session = arrived("/lab/explorer/p?trial=t11&predictor=earlier");
     let predictor = Predictor::constant(FeatureSet::none(), vec![-1, 0, 1], vec![0.2, 0.5, 0.3]);
     let answer = TrainedPredictor {
