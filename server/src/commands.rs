@@ -96,11 +96,7 @@ impl CommandError {
 impl From<OpenError> for CommandError {
     fn from(error: OpenError) -> Self {
         match &error {
-            // A wrong PostgreSQL address is treated like a wrong password. Anything that prevents
-            // access to that database is a failure.
-            OpenError::Address { url, .. } if !url.to_lowercase().contains("postgres") => {
-                Self::Input(error.to_string())
-            }
+            OpenError::Address { .. } => Self::Input(error.to_string()),
             _ => Self::failure(error),
         }
     }
@@ -181,7 +177,7 @@ fn unwritable(path: &Path, error: &dyn std::fmt::Display) -> CommandError {
     CommandError::Failure(format!("{}: cannot write: {error}", path.display()))
 }
 
-/// Returns a failure for the faults in a printed result, even if the reader closed the output.
+/// Reports the faults in a printed result as a failure, even if the reader closed the output early.
 fn failed(printed: Result<(), CommandError>, why: String) -> Result<(), CommandError> {
     match printed {
         Err(CommandError::Unread) | Ok(()) => Err(CommandError::Failure(why)),

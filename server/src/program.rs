@@ -8,6 +8,8 @@ use crate::commands::{
     import, languages, plot, reach, retention, salvage, serve, shfrs, simulate, solve, value,
 };
 use crate::jobs::children::SUBCOMMAND;
+use crate::store::harmless;
+use clap::error::{ContextKind, ContextValue};
 use clap::{Parser, Subcommand};
 use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
@@ -60,7 +62,7 @@ const SIGXFSZ: i32 = 25;
 /// Runs the program with the arguments of this process.
 #[must_use]
 pub fn run() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = Cli::try_parse().unwrap_or_else(|error| without_addresses(error).exit());
     let done = match cli.command {
         Command::Child(args) => child::run(&args),
         command => {
@@ -84,6 +86,19 @@ pub fn run() -> ExitCode {
             ExitCode::from(error.exit_code())
         }
     }
+}
+
+/// The error without addresses that were given in the wrong place, because they may contain a password.
+fn without_addresses(mut error: clap::Error) -> clap::Error {
+    for kind in [ContextKind::InvalidArg, ContextKind::InvalidValue] {
+        if let Some(ContextValue::String(found)) = error.get(kind)
+            && found.contains("://")
+        {
+            let found = ContextValue::String(harmless(found));
+            error.insert(kind, found);
+        }
+    }
+    error
 }
 
 async fn call(command: Command) -> Result<(), CommandError> {

@@ -80,8 +80,10 @@ enum Database {
 }
 
 /// An invalid address for use in messages. It never contains a password.
-fn harmless(url: &str) -> String {
+#[must_use]
+pub fn harmless(url: &str) -> String {
     match url.split_once(':') {
+        Some(("sqlite", name)) if name.contains("://") => "sqlite:…".to_owned(),
         Some((kind, _)) if kind.contains('=') || kind.contains('/') => "…".to_owned(),
         Some((kind, _)) if kind != "sqlite" => format!("{}:…", kind.trim()),
         None if url.contains('=') => "…".to_owned(),
@@ -144,7 +146,7 @@ impl Store {
         DatabaseFile::at(file).has_log()
     }
 
-    /// Whether `url` is this file, under any of its names.
+    /// Whether `url` is the address of this database's file, under any of the file's names.
     ///
     /// # Errors
     /// [`OpenError::Address`].
@@ -256,8 +258,9 @@ impl Store {
         }
     }
 
-    /// Checks that the database accepts writes now, by beginning and committing one. A SQLite file must
-    /// still be the file that was opened, and its disk must have [`LEAST_FREE_BYTES`] of free space.
+    /// Checks that the database accepts writes now, by beginning and committing a transaction. A SQLite
+    /// file must still be the file that was opened, and its disk must have [`LEAST_FREE_BYTES`] of free
+    /// space.
     ///
     /// # Errors
     /// The reason, if the database does not accept writes.
@@ -289,8 +292,8 @@ impl Store {
         }
     }
 
-    /// Records the source of the copy that was begun into this database, if it was empty. Returns
-    /// whether a copy from another source was begun and not finished.
+    /// If a copy into this database was begun while it was empty, records the source of the copy.
+    /// Returns whether there is an unfinished copy from another source.
     ///
     /// # Errors
     /// [`StoreError`] if this cannot be stored.

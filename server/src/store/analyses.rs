@@ -1,4 +1,4 @@
-//! Analyses: the queue and their results. The module `jobs` has the work on them.
+//! The queue of analyses, and their results. The module `jobs` has the worker's operations.
 
 mod jobs;
 
@@ -18,7 +18,7 @@ pub const LONGEST_QUEUE: i64 = 100;
 /// An analysis without its files.
 #[derive(Clone, Debug)]
 pub struct StoredAnalysis {
-    /// Sequence number of the analysis, in the order of requests. It is never used twice.
+    /// Sequence number of the analysis, in the order of requests. A number is never used twice.
     pub sequence: i64,
     /// Its id in URLs.
     pub id: String,
@@ -32,7 +32,7 @@ pub struct StoredAnalysis {
     pub done: i64,
     /// Number of all pieces of work, or 0 until they are counted.
     pub of: i64,
-    /// Number of pieces that were computed for this analysis, not reused from an earlier one.
+    /// Number of pieces that were computed for this analysis, not reused from an earlier analysis.
     pub fresh: i64,
     /// When it was requested.
     pub created_at_ms: i64,
@@ -60,7 +60,7 @@ pub enum Asked {
 }
 
 impl Store {
-    /// Appends an analysis to the queue, under `id` if it is new.
+    /// Appends an analysis with this `id` to the queue, unless an equivalent request is already queued.
     pub async fn ask_analysis(
         &self,
         id: String,

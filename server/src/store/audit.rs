@@ -15,7 +15,7 @@ pub struct NewEntry {
     pub who: String,
     /// The action.
     pub action: Action,
-    /// The study, if the action concerns one.
+    /// The study, if the action concerns a study.
     pub study: Option<String>,
     /// The object of the action, if the action does not imply it.
     pub subject: Option<String>,

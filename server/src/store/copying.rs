@@ -73,8 +73,9 @@ impl RowsCopy {
         hasher.finalize().into()
     }
 
-    /// Whether this copy of a participant is newer than the other copy: the participant was seen later,
-    /// only this copy's data were deleted, or it has more trials and the other's data were not deleted.
+    /// Whether this copy of a participant is newer than the other copy. It is newer if the participant
+    /// was seen later, or if only this copy's data were deleted. It is also newer if it has more trials
+    /// and the other copy's data were not deleted.
     fn is_ahead_of(&self, other: &Self) -> bool {
         let [here, there] = [self, other].map(|copy| copy.number("last_seen_at_ms"));
         let has_more = self.trials() > other.trials() && !other.is_deleted();

@@ -25,7 +25,8 @@ impl Store {
             .collect())
     }
 
-    /// Configurations and value functions that were altered: their keys are the SHA-256 of their content.
+    /// Configurations and value functions whose content was altered, so that their key is no longer its
+    /// SHA-256.
     ///
     /// # Errors
     /// If they cannot be read.

@@ -128,7 +128,7 @@ fn enrol(
     gate: Gate,
     token_hash: [u8; 32],
 ) -> Result<Enrolment, StoreError> {
-    // Only the browser that enrolled can repeat the request, but anyone may know an external id.
+    // Only the browser that enrolled knows the request id, but anyone may know an external id.
     let known = match &new.request_hash {
         Some(hash) => find(db, new.study_id, "request_hash", hash)?.map(|it| (it, Scope::Full)),
         None => None,
@@ -147,7 +147,7 @@ fn enrol(
         participants::seen(db, &participant.id, new.enrolled_at_ms)?;
         return Ok(Enrolment::Known(participant, scope));
     }
-    // A closed study can be tested, because pilots are not part of the data.
+    // Pilots may test a closed study, because they are not part of the data.
     if !gate.is_open && new.pilot_place.is_none() {
         return Ok(Enrolment::Closed);
     }

@@ -16,7 +16,8 @@ pub enum StoreError {
     /// The disk is full.
     #[error("the disk is full")]
     Full,
-    /// The file at the database's path is not the one that was opened, or another process changed it.
+    /// The file at the database's path is not the one that was opened, or another process changed this
+    /// file.
     #[error("the database file was {0}")]
     Gone(String),
     /// The database cannot be read or written, or the store was closed.

@@ -20,7 +20,8 @@ pub struct NewImport {
     /// SHA-256 of the participant's part of the file. It identifies the participant if the file is
     /// imported again.
     pub hash: String,
-    /// The reason if an experimenter excluded the participant in the file's source.
+    /// Why an experimenter excluded the participant in the file's source, if the participant was
+    /// excluded.
     pub exclusion: Option<String>,
     /// The trials in order. The scene of a trial is its first state.
     pub trials: Vec<(PlannedRow, NewTrial)>,
@@ -129,7 +130,7 @@ impl Store {
     }
 }
 
-/// The query for which of these trials are in a plan.
+/// The query that finds which of these trials are in a plan.
 const PLANNED: Rows = Rows {
     before: "SELECT scene.trial_id FROM (VALUES ",
     after: ") AS asked JOIN scene ON scene.trial_id = asked.column1",

@@ -101,10 +101,9 @@ impl Store {
         .await
     }
 
-    /// Stores the first key with this hash, unless a first key exists and `other` is false. The new
-    /// key replaces the old one and ends every session, because an experimenter asks for another
-    /// key after losing the old one, or if someone else may know it. Returns whether the key was
-    /// stored.
+    /// Stores the first key with this hash, unless a first key exists and `other` is false. The new key
+    /// replaces the old one and ends every session, because an experimenter asks for a new key if the
+    /// old key was lost or may have leaked. Returns whether the key was stored.
     pub async fn put_first_key(
         &self,
         hash: [u8; 32],
@@ -125,8 +124,8 @@ impl Store {
         .await
     }
 
-    /// Stores a further key. Returns `None` if its name is reserved, or if another key has it, even
-    /// a revoked key.
+    /// Stores a further key. Returns `None` if the name is reserved, or if another key has this name,
+    /// even a revoked key.
     pub async fn add_key(
         &self,
         name: &str,

@@ -37,8 +37,8 @@ pub(super) enum Lock {
 }
 
 impl Lock {
-    /// The two keys of PostgreSQL's advisory lock. Two participants may have the same keys. Then
-    /// one waits for the other.
+    /// The two keys of PostgreSQL's advisory lock. If two participants have the same keys, operations
+    /// on one participant wait for operations on the other.
     pub(super) fn numbers(&self) -> [i32; 2] {
         match self {
             Self::Studies => [1, 0],

@@ -1,4 +1,4 @@
-//! Migrations of both back ends. All missing migrations are applied in one transaction, or none is.
+//! Migrations of both back ends. All missing migrations are applied in one transaction.
 
 mod renewal;
 
@@ -20,7 +20,7 @@ const TABLE: &str = "_sqlx_migrations";
 /// The former table of PostgreSQL's migrations, with other checksums.
 const FORMER_TABLE: &str = "sidestep_migration";
 
-/// The statement that counts a commit, within the commit's transaction. See
+/// The statement that counts a commit in the mark. It is part of the commit's transaction. See
 /// `migrations/sqlite/0016_mark.sql`.
 pub(super) const COUNTED: &str = "UPDATE mark \
      SET text = printf('sidestep mark %s %020d %s %s', substr(text, 15, 32), \
@@ -138,8 +138,8 @@ fn is_unfinished(db: &Connection) -> sql::Result<bool> {
 /// The text that marks an unfinished copy in PostgreSQL, as a comment on a table.
 const UNFINISHED: &str = "A copy into this database was not finished.";
 
-/// The number of the copy that was begun and not finished: 0 if there is none, or 1 if its source is
-/// unknown.
+/// The number of the unfinished copy into the database. Returns 0 if there is no unfinished copy, and 1
+/// if its source is unknown.
 fn unfinished(db: &Connection) -> sql::Result<i64> {
     let is_ours = |number: &i64| *number == 1 || number & !COPY_BITS == COPY;
     if db.is_sqlite() {
@@ -154,12 +154,12 @@ fn unfinished(db: &Connection) -> sql::Result<i64> {
     Ok(number.filter(is_ours).unwrap_or(0))
 }
 
-/// The numbers of copies begin with these bits, and end with those of a hash. Other programs may
-/// set the version of a SQLite file, too.
+/// The number of a copy begins with these bits, and ends with bits of a hash. Other programs may set
+/// the version of a SQLite file, too.
 const COPY: i64 = 0x5d00_0000;
 const COPY_BITS: i64 = 0x00ff_ffff;
 
-/// Records which copy is under way, if one was begun. Returns whether another one was begun.
+/// If a copy was begun, records which copy it is. Returns whether a different copy was begun before.
 pub(super) fn claim_copy(db: &Connection, hash: u32) -> Result<bool, StoreError> {
     let (found, number) = (unfinished(db)?, COPY | i64::from(hash) & COPY_BITS);
     if found == 1 {
@@ -200,7 +200,8 @@ pub(super) fn forget_copy(db: &Connection) -> Result<bool, StoreError> {
     Ok(is_unfinished)
 }
 
-/// Applies the missing migrations. If several servers start at the same time, only one does so.
+/// Applies the missing migrations. If several servers start at the same time, only one server applies
+/// them.
 pub(super) fn apply(db: &Connection) -> Result<(), Failure> {
     let is_former = has(db, FORMER_TABLE)?;
     if check(db)? == State::Current && !is_former {

@@ -1,4 +1,4 @@
-//! Why a database is opened, and why it cannot be used.
+//! The purposes of opening a database, and the reasons why it cannot be used.
 
 use super::misfit::Misfit;
 use std::path::PathBuf;
@@ -6,18 +6,20 @@ use std::path::PathBuf;
 /// The purpose of opening a database.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// Serve or fill the database, exclusively. It is created if missing. Until it is closed, no other
-    /// server may use the file, because each server would wait for the other's writes and miss its changes.
-    /// Commands may read and write at the same time. Several servers can share a PostgreSQL database.
+    /// Serve or fill the database, exclusively. The database is created if it is missing. No other
+    /// server may use the file until it is closed, because each server would wait for the other's
+    /// writes and miss its changes. Commands may read and write at the same time. Several servers can
+    /// share a PostgreSQL database.
     Alone,
     /// Copy another database into this one, exclusively like [`Self::Alone`]. If this database was
     /// empty, all other purposes are refused until [`end_copy`](super::Store::end_copy).
     Copy,
-    /// Add data. The database is created if missing.
+    /// Add data. The database is created if it is missing.
     Create,
     /// Change existing data.
     Change,
-    /// Read. The database is not changed. If a file is of an older version, a migrated copy of it is read.
+    /// Read without changing the database. If the file has an older version, a migrated copy of it is
+    /// read.
     Read,
 }
 
@@ -57,7 +59,8 @@ pub enum OpenError {
         /// The log.
         log: PathBuf,
     },
-    /// The write-ahead log beside the file belongs to another database. SQLite would apply it.
+    /// The write-ahead log beside the file belongs to another database. SQLite would apply the log
+    /// anyway.
     #[error(
         "{database}: cannot open the database: the write-ahead log beside it, {}, is not its own: {why}. Nothing was \
          changed. The log has the latest data of its database: put that database back beside it. Only if that is \
@@ -102,7 +105,7 @@ pub enum OpenError {
 }
 
 impl OpenError {
-    /// The same error with the name by which the user knows the database.
+    /// The same error, with the database's name as the user gave it.
     #[must_use]
     pub fn named(self, name: String) -> Self {
         let log = PathBuf::from(format!("{name}-wal"));

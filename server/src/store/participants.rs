@@ -148,8 +148,8 @@ impl Store {
         .await
     }
 
-    /// Stores answers as JSON. They replace earlier answers, unless the token has
-    /// [`Scope::Continue`]. Returns `false` and stores nothing if other answers are kept.
+    /// Stores answers as JSON. They replace earlier answers, unless the token has [`Scope::Continue`].
+    /// Returns `false` and stores nothing if earlier, different answers are kept.
     pub async fn put_answers(
         &self,
         participant_id: &str,
@@ -258,7 +258,7 @@ impl Store {
         Ok(())
     }
 
-    /// Deletes the pilots of a study with all their trials. Returns how many there were; the audit
+    /// Deletes the pilots of a study with all their trials. Returns the number of pilots. The audit
     /// entry contains this number, too.
     pub async fn delete_pilots(
         &self,

@@ -39,7 +39,7 @@ pub enum SortBy {
     ComprehensionAttempts,
     /// Wrong answers to the comprehension check.
     FailedChecks,
-    /// Trials that waited in the browser when the server last stored one.
+    /// Trials that waited in the browser when the server last stored a trial.
     Waiting,
 }
 
@@ -120,7 +120,7 @@ impl Store {
 }
 
 /// The ids of participants of study $1 and pilots $2 whose number, external id or completion code
-/// matches the search, which is bound to the parameters from `first` on.
+/// matches the search. The search is bound to three parameters, from the number `first` on.
 fn found(first: usize) -> String {
     let [number, text, identities] = [0, 1, 2].map(|i| format!("${}", first + i));
     format!(

@@ -46,10 +46,10 @@ const QUEUE: usize = 1_024;
 /// Interval at which a server polls for other servers' changes, while a client watches.
 const WATCH: Duration = Duration::from_millis(500);
 
-/// Ends a transaction that writes. After a failed statement, COMMIT would roll back without an
-/// error. The query before it detects this, because then every query fails. The query returns the
-/// LSN up to which this commit acknowledges the write-ahead log. Other servers are notified after
-/// the commit, never before.
+/// Ends a transaction that writes. After a failed statement, COMMIT would roll back without an error.
+/// The query before COMMIT detects this case, because every query fails after a failed statement. The
+/// query returns the LSN up to which this commit acknowledges the write-ahead log. Other servers are
+/// notified after the commit, never before.
 const COMMIT: &str = "SELECT CAST(pg_current_wal_insert_lsn() - '0/0' AS BIGINT); COMMIT; \
      SELECT nextval('changed')";
 
@@ -307,7 +307,7 @@ impl Postgres {
         let shared = Arc::clone(&self.shared);
         task::spawn_blocking(move || {
             let _turn = turn;
-            // Callers who found too many others waiting rely on this one.
+            // Callers that found too many other callers waiting rely on this caller.
             while shared.trials.count() > 0 {
                 shared.write_trials();
             }

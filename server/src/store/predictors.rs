@@ -6,7 +6,7 @@ use super::sql::{Connection, OptionalExtension, Row, ToSql, params};
 use super::{Store, StoreError};
 use sidestep::api::{PredictorChoices, PredictorPage, PredictorSource, PredictorSummary, TrialUse};
 
-/// A model of an analysis whose file is stored.
+/// A model of an analysis. The file of the model is stored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewPredictor {
     /// The name of its file.
@@ -65,7 +65,8 @@ pub struct ChosenPredictor {
 }
 
 impl Store {
-    /// Records models of a job whose files are stored, if the job is still wanted. Returns whether it is.
+    /// Records a job's models whose files are stored, if the job is still wanted. Returns whether the
+    /// job is still wanted.
     pub async fn put_predictors(
         &self,
         job: &Job,
@@ -103,7 +104,8 @@ impl Store {
         .await
     }
 
-    /// Records the tasks that a job used, if it is still wanted. Returns whether it is.
+    /// Records the tasks that a job used, if the job is still wanted. Returns whether the job is still
+    /// wanted.
     pub async fn put_used_tasks(
         &self,
         job: &Job,
@@ -160,8 +162,8 @@ impl Store {
 const OF_ANALYSIS: &str = "analysis = $1 \
      AND (SELECT state FROM analysis WHERE sequence = $1) = 'done'";
 
-/// The SQL condition for models, or kinds of models, that pass a filter. The models of a
-/// participant are found by an index.
+/// The SQL condition for models, or kinds of models, that pass a filter. An index finds the models of a
+/// participant.
 fn filter(asked: &Selection) -> String {
     let participant = match asked.participant {
         Some(_) => "participant_number = $2",
@@ -192,8 +194,8 @@ fn page(db: &Connection, id: &str, asked: &Selection) -> Result<Option<Predictor
     let mut bound: Vec<&dyn ToSql> =
         vec![&analysis, &asked.participant, &asked.model, &asked.experiment, &asked.features];
     let filter = filter(asked);
-    // A participant has about a hundred models, but an analysis may have a million. These are
-    // counted in advance.
+    // A participant has about a hundred models, but an analysis may have a million models. The models
+    // of an analysis are therefore counted in advance.
     let query = match asked.participant {
         Some(_) => format!("SELECT count(*) FROM analysis_predictor WHERE {filter}"),
         None => format!(

@@ -27,7 +27,7 @@ pub struct Profile {
     pub answers: BTreeMap<String, Value>,
     /// Recorded URL parameters.
     pub parameters: BTreeMap<String, String>,
-    /// Who excluded them from analyses and why, if anyone did.
+    /// Who excluded them from analyses and why, if they are excluded.
     pub exclusion: Option<ExcludedBy>,
     /// Experimenters' notes, oldest first.
     pub notes: Vec<Note>,

@@ -37,14 +37,15 @@ pub struct Due {
     pub pilot: bool,
 }
 
-/// The SQL condition for a participant whom a rule concerns, last seen before this time.
+/// The SQL condition for a participant whom a rule concerns and who was last seen before this time.
 fn due(before: &str, concern: Concern) -> String {
     let concerns = concern.condition();
     format!("last_seen_at_ms < {before} AND data_deleted = FALSE AND {concerns}")
 }
 
 impl Store {
-    /// The participants of a study that a rule concerns, last seen before `before_ms`, ordered by number.
+    /// The participants of a study whom a rule concerns and who were last seen before `before_ms`,
+    /// ordered by number.
     pub async fn participants_due(
         &self,
         study_id: i64,

@@ -44,7 +44,8 @@ pub struct RosterEntry {
 }
 
 impl Store {
-    /// The participants of a study, or with `pilots` its pilots, ordered by number.
+    /// The participants of a study, ordered by number. With `pilots`, returns its pilot participants
+    /// instead.
     pub async fn roster(
         &self,
         study_id: i64,
@@ -100,8 +101,8 @@ impl Store {
         .await
     }
 
-    /// Number of stored trials of a participant, as they were counted. Returns `None` if the
-    /// participant was deleted.
+    /// Number of stored trials of a participant, as counted when they were stored. Returns `None` if
+    /// the participant was deleted.
     pub async fn stored_trials(&self, participant_id: &str) -> Result<Option<i64>, StoreError> {
         let participant_id = participant_id.to_owned();
         self.read_long(move |db| {

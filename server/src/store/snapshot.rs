@@ -11,7 +11,7 @@ use std::path::Path;
 /// Rows per INSERT statement.
 const ROWS: usize = 64;
 
-/// A SQLite file that is being filled. It does not survive a crash until it is finished.
+/// A SQLite file that is being filled. Before it is finished, it does not survive a crash.
 #[derive(Debug)]
 pub struct Snapshot {
     db: Connection,
@@ -63,7 +63,7 @@ impl Snapshot {
         private::new_file(path).map_err(|error| StoreError::Unavailable(error.to_string()))?;
         let options = SqliteConnectOptions::new()
             .filename(path)
-            // An incomplete file is deleted, so nothing must survive a crash.
+            // An incomplete file is deleted, so it need not survive a crash.
             .journal_mode(SqliteJournalMode::Off)
             .synchronous(SqliteSynchronous::Off)
             .pragma("cache_size", "-8000")
@@ -102,7 +102,7 @@ impl Snapshot {
     /// Adds rows to a table with this number of columns.
     ///
     /// # Errors
-    /// [`StoreError`] if the rows cannot be written, or two have the same key.
+    /// [`StoreError`] if the rows cannot be written, or two rows have the same key.
     pub fn add<'a, R: Iterator<Item = Value<'a>>>(
         &mut self,
         table: &str,

@@ -219,11 +219,11 @@ impl Connection {
         read(&Row::Postgres(rows.into_iter().next().ok_or(Error::NoRow)?))
     }
 
-    /// Defers a statement without a result for one row of parameters. The deferred rows of a
-    /// statement are executed as a batch, before the next statement that is not deferred or at the
-    /// end of the transaction. Errors are reported then. The rows of a batch have different
-    /// targets, which do not affect each other. Statements are executed in the order of their first
-    /// rows.
+    /// Defers a statement for one row of parameters. The statement must not return a result. All
+    /// deferred rows of a statement are executed as one batch, before the next statement that is not
+    /// deferred or at the end of the transaction. Errors are reported only then. The rows of a batch
+    /// have different targets, so they do not affect each other. Batches are executed in the order of
+    /// their first rows.
     pub(super) fn execute_row_later(
         &self,
         rows: &'static Rows,
@@ -260,10 +260,10 @@ impl Connection {
         Ok(found)
     }
 
-    /// Prefetches the results of one query for several rows of parameters. The query's first
-    /// parameter and first column are the target. [`Self::query_ahead`] returns the results. If
-    /// several questions have the same target, only the first is prefetched, because its operation
-    /// may change the answers to the others.
+    /// Prefetches the results of one query for several rows of parameters. The query's first parameter
+    /// and first column are the target. [`Self::query_ahead`] returns the results. If several questions
+    /// have the same target, only the first question is prefetched, because the first operation may
+    /// change the answers to the other questions.
     pub(super) fn ask_ahead(&self, questions: Vec<Question>) -> Result<()> {
         let Some((query, _)) = questions.first() else { return Ok(()) };
         let query: &Rows = query;
@@ -285,7 +285,7 @@ impl Connection {
         Ok(())
     }
 
-    /// Discards prefetched results, which are out of date.
+    /// Discards the prefetched results, because they are out of date.
     pub(super) fn forget_asked(&self) {
         self.asked.borrow_mut().clear();
     }

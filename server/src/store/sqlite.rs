@@ -287,7 +287,8 @@ impl Sqlite {
         self.original.rescue_elsewhere();
     }
 
-    /// Returns why nothing is stored any more, if the stored data could not be rescued either.
+    /// Returns the reason why nothing can be stored any more, if the stored data could not be rescued
+    /// either.
     pub(super) fn unrescued(&self) -> Option<StoreError> {
         let gone = || self.original.check().err().filter(|_| self.original.lacks_rescue());
         self.original.lost().or_else(gone)

@@ -30,8 +30,8 @@ pub struct StoredStudy {
 pub struct StudyVersion {
     /// Its number within the study, from 1.
     pub number: u32,
-    /// The hash of the configuration. If the configuration was stored with several statuses, the
-    /// hash is from the one that participants enrolled under.
+    /// The hash of the configuration. If the configuration was stored with several statuses, this is
+    /// its hash with the last status under which participants enrolled.
     pub hash: String,
     /// The configuration, with the last status that it had.
     pub config: Arc<StudyConfig>,
@@ -44,7 +44,7 @@ pub struct StudyVersion {
 }
 
 impl StudyVersion {
-    /// Whether this equals `config`, apart from its status.
+    /// Whether this configuration equals `config`, apart from the status.
     #[must_use]
     pub fn says(&self, config: &StudyConfig) -> bool {
         *self.config == StudyConfig { status: self.config.status, ..config.clone() }
@@ -158,7 +158,7 @@ impl Store {
     }
 
     /// Creates a study from a study file, or gives an existing study this configuration for new
-    /// participants. Enrolled participants keep theirs.
+    /// participants. Enrolled participants keep their configuration.
     pub async fn put_study(
         &self,
         new: &StudyConfig,

@@ -74,7 +74,7 @@ pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result
         trial.waiting,
         study_id,
     ];
-    // If two trials have the same key times, the later one must find the earlier one.
+    // If two trials have the same key times, the count of the later trial must find the earlier trial.
     let timing = trial.key_timing.map(|timing| format!("timing {study_id} {timing}"));
     let targets: Vec<_> =
         [Some(trial.participant_id), timing.as_deref()].into_iter().flatten().collect();

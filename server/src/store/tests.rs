@@ -27,8 +27,8 @@ use tempfile::TempDir;
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 
-/// A separate store: in the PostgreSQL cluster that `SIDESTEP_TEST_POSTGRES` names (an address with
-/// DATABASE in place of the database name), otherwise in a file.
+/// A new, separate store. It is in the PostgreSQL cluster that `SIDESTEP_TEST_POSTGRES` names (an
+/// address with DATABASE in place of the database name). Without this variable, the store is a file.
 pub(crate) async fn store() -> (TempDir, Store) {
     let (folder, url) = address().await;
     (folder, Store::open(&url, Purpose::Create).await.unwrap())
@@ -66,7 +66,8 @@ pub(crate) struct Known {
 /// Everyone may enrol.
 const OPEN: Gate = Gate { is_open: true, quota: 0, away_before_ms: 0 };
 
-/// Enrols a participant with a plan of two tasks, whose trials have the participant's name.
+/// Enrols a participant with a plan of two tasks. The ids of the trials begin with the participant's
+/// name.
 pub(crate) async fn someone(store: &Store, name: &str, known: Known) -> Enrolment {
     let enrolled = arrives(store, name, known, OPEN, 1).await;
     let (human, robot) = (Pose::from([0.0, 0.0, 0.0]), Pose::from([15.0, 10.0, -2.0]));
@@ -196,8 +197,8 @@ async fn trials_that_wait_together_are_stored_as_one_by_one() {
         let new = trial(&format!("{name}-{i}"), TurnInput::Left);
         store.put_trial(name, NewTrial { key_timing: Some(1), repeated_as, ..new }).await
     };
-    // While this holds the writer of a file, the others are queued together. On PostgreSQL, they
-    // arrive at about the same time.
+    // While this operation blocks the writer of a file, the other operations are queued together. On
+    // PostgreSQL, they arrive at about the same time.
     let first = store.write([], |_| {
         std::thread::sleep(Duration::from_millis(100));
         Ok(())
@@ -217,7 +218,7 @@ async fn trials_that_wait_together_are_stored_as_one_by_one() {
     assert!(matches!(unknown, Ok(PutTrial::Unknown)), "{unknown:?}");
     assert!(matches!(wrong, Err(StoreError::Defect(_))), "{wrong:?}");
     if store.is_shared() {
-        // They may have been in two transactions.
+        // The trials may have been stored in two transactions.
         return;
     }
     assert_eq!(store.wrong_tallies().await.unwrap(), [""; 0]);
@@ -358,7 +359,7 @@ async fn somebody_new_gets_the_lowest_free_place() {
         let result = ComprehensionResult { attempts, passed };
         store.check_understanding(id, None, result, most, now_ms).await
     };
-    // A participant who returns counts again, and keeps the same place.
+    // A participant who returns counts for the quota again, and keeps the same place.
     checks("c", 1, true, 0, 31).await.unwrap();
     assert_eq!(comes("i", gate(5, 15), 32).await, None);
     // Participant f is screened out after two failed attempts. The place is free, and the result stays.
@@ -568,7 +569,7 @@ async fn a_copy_that_was_not_finished_is_refused_until_it_is() {
 #[tokio::test]
 async fn what_one_operation_does_wrong_costs_no_other() {
     let (_folder, store) = file_store().await;
-    // All of these are committed together.
+    // All of these operations are committed together.
     let held = store.held().await;
     let paper = StudyConfig::default();
     let sound = store.put_study(&paper, 1);

@@ -64,7 +64,7 @@ fn spent_ms(db: &Connection, kind: &str, who: [u8; 32]) -> Result<Option<i64>, S
     Ok(spent.optional()?)
 }
 
-/// Deletes a few expired rows: two for each row that a caller may add.
+/// Deletes at most two expired rows. A caller adds at most one row.
 fn forget(db: &Connection) -> Result<(), StoreError> {
     let old = format!(
         "DELETE FROM throttle WHERE (kind, who) IN \

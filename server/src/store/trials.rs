@@ -158,16 +158,16 @@ struct Place {
     study_id: i64,
     withdrawn: bool,
     stored: Option<(i64, [u8; 32])>,
-    /// Whether the trial is the first, or the trial before it is stored. Trials are stored in
-    /// order, so all earlier ones are stored, too.
+    /// Whether the trial is the first, or the trial before it is stored. Trials are stored in order, so
+    /// all earlier trials are stored, too.
     its_turn: bool,
     next: Option<String>,
     phase: Phase,
     next_phase: Option<Phase>,
 }
 
-/// The query for the positions of trials in their participants' plans. A row of parameters has the
-/// participant and the trial.
+/// The query for the positions of trials in their participants' plans. A row of parameters has the ids
+/// of the participant and of the trial.
 const PLACE: Rows = Rows {
     before: "SELECT participant.id, participant.study_id, participant.withdrawn_at_ms IS NOT NULL, \
                  trial.content_version, trial.content_hash, \

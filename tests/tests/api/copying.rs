@@ -126,18 +126,23 @@ async fn a_database_in_use_is_no_backup() {
 
 #[tokio::test]
 async fn a_password_is_in_no_message() {
-    for (url, code) in [
-        ("POSTGRES://side:WRONG@h/d", 1),
-        ("mysql://side:WRONG@h/d", 2),
-        (" postgres://side:WRONG@h/d", 1),
-        ("'postgres://side:WRONG@h/d'", 1),
-        ("host=h password=WRONG", 2),
-        ("postgres://side:p@WRONG@h/d", 1),
+    for url in [
+        "POSTGRES://side:WRONG@h/d",
+        "postgress://side:WRONG@h/d",
+        "sqlite:postgres://side:WRONG@h/d",
+        "mysql://side:WRONG@h/d",
+        " postgres://side:WRONG@h/d",
+        "'postgres://side:WRONG@h/d'",
+        "host=h password=WRONG",
+        "postgres://side:p@WRONG@h/d",
     ] {
         let refused = run(&["check", "--database", url]).await;
         assert!(!format!("{refused:?}").contains("WRONG"), "{refused:?}");
-        refused.refused(code, &["--database", "expected"]);
+        refused.refused(2, &["--database", "expected"]);
     }
+    let misplaced = run(&["check", "postgres://side:WRONG@h/d"]).await;
+    assert!(!format!("{misplaced:?}").contains("WRONG"), "{misplaced:?}");
+    misplaced.refused(2, &["unexpected argument 'postgres:…'"]);
 }
 
 #[tokio::test]

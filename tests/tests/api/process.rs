@@ -20,7 +20,7 @@ async fn a_start_that_fails_says_what_to_do() {
         (port, &spare[..], &site[..], None, 1, &["--listen", "in use", "another"][..]),
         ("8081", &spare, &site, None, 2, &["--listen", "such as 127.0.0.1:8080", "found 8081"]),
         (any, nowhere, &site, None, 1, &["/proc/nowhere/sidestep.db", "writable"]),
-        (any, "postgres://u:secret@h", &site, None, 1, &["postgres:…", "found no database"]),
+        (any, "postgres://u:secret@h", &site, None, 2, &["postgres:…", "found no database"]),
         (any, "postgres://u:secret@127.0.0.1:9/d", &site, None, 1, &["postgres://u@127.0.0.1:9/d"]),
         (any, "sqlite::memory:", &site, None, 2, &["sqlite:FILE"]),
         (any, &spare, "/tmp", None, 2, &["--static /tmp", built]),

@@ -34,7 +34,8 @@ pub struct Job {
 }
 
 impl Store {
-    /// Whether an analysis waits for a worker: it is queued, or, on a shared database, its lease has expired.
+    /// Whether an analysis waits for a worker, because it is queued or, on a shared database, its lease
+    /// has expired.
     pub async fn awaits_worker(&self, now_ms: i64) -> Result<bool, StoreError> {
         let is_shared = self.is_shared();
         self.read(move |db| {
@@ -73,8 +74,8 @@ impl Store {
         .await
     }
 
-    /// Takes the oldest queued analysis for `worker`, a name of this server's run, and records the
-    /// participants whose data it uses.
+    /// Takes the oldest queued analysis for `worker`, the name of this run of the server, and records
+    /// the participants whose data it uses.
     pub async fn begin_analysis(
         &self,
         worker: &str,

@@ -10,7 +10,7 @@ pub(super) struct Table {
     pub(super) columns: &'static [(&'static str, Kind)],
     /// The column that gets the number of the study, or of the analysis, in the new database.
     pub(super) owner: Option<&'static str>,
-    /// Whether the trial's number is copied, with an offset.
+    /// Whether the rows are trials. Their numbers are copied with an offset.
     pub(super) is_numbered: bool,
     /// The SQL condition for the rows that belong to the participant or analysis with the id $1.
     pub(super) of: &'static str,

@@ -56,7 +56,7 @@ impl Rows {
         }
     }
 
-    /// Adds the number of rows to a hash, and each value with its kind and length.
+    /// Hashes the number of rows, and each value with its kind and length.
     pub(super) fn hash(&self, hasher: &mut Sha256) {
         hasher.update((self.rows.len() as u64).to_le_bytes());
         for value in self.rows.iter().flatten() {
@@ -77,7 +77,8 @@ impl Rows {
     }
 }
 
-/// A table's rows that belong to the participant or analysis with this id, or all rows without an id.
+/// A table's rows that belong to the participant or analysis with this id. Without an id, returns all
+/// rows.
 pub(super) fn read(db: &Connection, table: &Table, id: Option<&str>) -> Result<Rows, StoreError> {
     match id {
         Some(id) => read_where(db, table, table.of, Some(&id)),

@@ -58,8 +58,8 @@ impl fmt::Display for Lost {
 }
 
 impl RowsCopy {
-    /// A participant and their rows, all lost for the same reason. Each trial is named. Rows without
-    /// names are counted.
+    /// The list of losses if a participant and all their rows are lost for this reason. Each trial is
+    /// named. Rows without names are counted.
     pub fn rows_lost(&self, why: &str) -> impl Iterator<Item = Lost> {
         PARTICIPANT_TABLES.iter().zip(&self.tables).flat_map(move |(table, rows)| {
             let keys: Vec<String> = match table.name {
@@ -72,7 +72,7 @@ impl RowsCopy {
     }
 }
 
-/// A key for a participant's unnamed rows, which gives their number. Returns `None` if there are none.
+/// A key that states the number of a participant's unnamed rows. Returns `None` if there are no rows.
 fn counted(rows: usize, participant: &str) -> Option<String> {
     (rows > 0).then(|| format!("({rows} of participant {participant})"))
 }
@@ -90,7 +90,7 @@ impl Store {
         .await
     }
 
-    /// Stores a participant's rows or, without a target, the keys and the audit trail, row by row.
+    /// Stores rows one by one: a participant's rows or, without a target, the keys and the audit trail.
     /// Returns the rows that the database refuses.
     ///
     /// # Errors
@@ -324,7 +324,8 @@ impl Reader<'_> {
         Ok(walk)
     }
 
-    /// The highest rowid, else the highest one ever assigned, else `i64::MAX`.
+    /// The highest rowid of a table. If it cannot be read, returns the highest rowid ever assigned. If
+    /// this cannot be read either, returns `i64::MAX`.
     fn last(&self, table: &str) -> i64 {
         let highest = format!("SELECT max(rowid) FROM {table} NOT INDEXED");
         let highest = self.db.query_row(&highest, [], |row| row.get::<_, Option<i64>>(0));
@@ -351,7 +352,7 @@ impl Reader<'_> {
         Ok(rows)
     }
 
-    /// Reports trials as lost that were counted when they were stored, but are no longer there.
+    /// Reports as lost the trials that were counted when they were stored but are no longer there.
     fn lose_uncounted(&self, id: &str, there: usize) -> Result<(), StoreError> {
         let query = "SELECT stored FROM tally WHERE participant_id = $1";
         let stored = self.db.query_row(query, [id], |row| row.get::<_, i64>(0));

@@ -58,12 +58,12 @@ pub(in crate::store) fn renew(db: &Connection, like: &Connection) -> Result<(), 
     Ok(())
 }
 
-/// Restores the definitions of a lost schema page, if all other definitions are those of this version.
+/// Restores the definitions of a lost schema page, if all other definitions match this version.
 ///
-/// If the file has the same layout as `like`, the lost definitions are copied from `like`.
-/// Otherwise the root pages are unknown, and each lost table gets an empty root page from `blank`.
-/// The table then counts as one that has lost all its pages. Its implicit indices are not restored.
-/// SQLite reports them as damaged, so that no query mistakes an empty index for an empty table.
+/// If the file has the same layout as `like`, the lost definitions are copied from `like`. Otherwise
+/// the root pages are unknown, and each lost table gets an empty root page from `blank`. The table then
+/// counts as a table that has lost all its pages. Its implicit indices are not restored. SQLite reports
+/// them as damaged, so that no query mistakes an empty index for an empty table.
 pub(in crate::store) fn put_back(
     db: &Connection,
     like: &Connection,

@@ -67,9 +67,10 @@ impl Participant {
 /// Permissions of a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scope {
-    /// Everything: the token belongs to the browser that enrolled.
+    /// Permits everything. The token belongs to the browser that enrolled.
     Full,
-    /// Continue the study: the token was given to a client that knew only the external id.
+    /// Permits only to continue the study. The token was given to a client that knew only the external
+    /// id.
     Continue,
 }
 

@@ -54,8 +54,8 @@ impl Address {
             .map_err(|found| OpenError::Address { url: "postgres:…".to_owned(), found })
     }
 
-    /// The error names invalid options and a missing certificate file, but quotes nothing else of
-    /// the address.
+    /// The error names invalid options and a missing certificate file, but quotes no other part of the
+    /// address.
     fn read(url: &str) -> Result<Self, String> {
         let unreadable = || "an address that cannot be read".to_owned();
         let (scheme, rest) = url.split_once("://").ok_or_else(unreadable)?;

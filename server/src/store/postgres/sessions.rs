@@ -58,7 +58,7 @@ impl Seen {
         Ok(Self { system: row.try_get(0)?, position })
     }
 
-    /// Refuses a server of another cluster, or one that lacks data of this state.
+    /// Refuses a server that belongs to another cluster or lacks data of this state.
     fn check(&self, found: &Self) -> Result<(), StoreError> {
         let place = |position: Position| {
             let (high, low) = (position.bytes >> 32, position.bytes & 0xffff_ffff);
@@ -88,13 +88,14 @@ impl Seen {
 const OLDEST: i64 = 140_000;
 
 /// Default number of concurrent transactions that store trials. One transaction stores all waiting
-/// trials with one statement of each kind. Several store more only if PostgreSQL has many cores.
+/// trials with one statement of each kind. Several concurrent transactions store more trials only if
+/// PostgreSQL has many cores.
 const WRITERS: usize = 1;
 
 /// Upper bound of the database's setting `sidestep.writers`.
 const MOST_WRITERS: usize = 64;
 
-/// Sessions that were idle for longer are tested before use.
+/// Sessions that were idle for longer than this are tested before use.
 const TRUSTED: Duration = Duration::from_secs(1);
 
 /// Parses the database's setting. Returns [`WRITERS`] if it is not set, and `None` if it is invalid.
@@ -191,8 +192,9 @@ impl Sessions {
         Ok(())
     }
 
-    /// Records the cluster that answers, and its timeline. Its LSN is not recorded: it may
-    /// include commits that are not acknowledged yet, and a standby promoted later may lack them.
+    /// Records the cluster that answers, and its timeline. Its LSN is not recorded, because it may
+    /// include commits that are not acknowledged yet. A standby that is promoted later may lack these
+    /// commits.
     fn note(&self, found: Seen) {
         let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         let bytes = seen.map_or(0, |seen| seen.position.bytes);
@@ -213,7 +215,7 @@ impl Sessions {
         let (encoding, writers): (String, String) = (about.try_get(2)?, about.try_get(3)?);
         let refuses: bool = about.try_get(4)?;
         let found = if refuses { None } else { Some(Seen::of(&mut session).await?) };
-        // Nothing is lost if the server misses the end of the session.
+        // Ignore errors, because nothing is lost if the server misses the end of the session.
         let _ = session.close().await;
         if number < OLDEST {
             let old = format!("expected PostgreSQL {} or newer, found {version}", OLDEST / 10_000);

@@ -20,7 +20,7 @@ pub(super) struct Waiting {
     pub(super) operation: Box<dyn Operation>,
 }
 
-/// For this long after a trial, more trials are expected.
+/// After a trial arrives, more trials are expected for this long.
 const COMING: Duration = Duration::from_millis(200);
 
 /// The queue of trials, oldest first.
@@ -88,9 +88,9 @@ fn begin_in_turn(writers: usize, first: usize) -> String {
 }
 
 impl Shared {
-    /// Stores queued trials in one transaction. If one of them fails, each is stored in its own
-    /// transaction. Savepoints would cost two round trips per trial, and a separate lock on the
-    /// study's row.
+    /// Stores queued trials in one transaction. If one trial fails, each trial is stored in its own
+    /// transaction. Savepoints would cost two round trips per trial, and a separate lock on the study's
+    /// row.
     pub(super) fn write_trials(&self) {
         if self.trials.count() == 0 {
             return;

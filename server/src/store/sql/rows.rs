@@ -76,7 +76,8 @@ impl Waiting {
         self.0.iter().any(|group| group.targets.iter().any(|known| known == target))
     }
 
-    /// Adds a row. Returns false if its statement already has a row with one of these targets.
+    /// Adds a row. Returns `false`, and adds nothing, if the statement already has a row with one of
+    /// these targets.
     pub(super) fn add(
         &mut self,
         rows: &'static Rows,

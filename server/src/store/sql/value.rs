@@ -22,7 +22,7 @@ pub(in crate::store) enum Kind {
 
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::store) enum Value<'a> {
-    /// NULL of a type.
+    /// NULL, with its type.
     Null(Kind),
     /// An integer.
     Integer(i64),
@@ -112,7 +112,7 @@ impl ToSql for Value<'_> {
     }
 }
 
-/// A type whose NULL has a type in PostgreSQL.
+/// A Rust type that determines the type of a NULL in PostgreSQL.
 pub(in crate::store) trait Typed {
     const KIND: Kind;
 }

@@ -69,7 +69,8 @@ fn draw_another(db: &Connection) -> Result<()> {
 pub(super) fn leave_no_log(file: &DatabaseFile) {
     let is_there = std::fs::exists(file.log()).unwrap_or(false);
     if is_there && !file.has_log() && !file.is_fixed() {
-        // The last connection that can write deletes the log when it closes. If it stays, it does no harm.
+        // The last connection that can write deletes the log when it closes. A log that remains does no
+        // harm.
         let nothing = "SELECT count(*) FROM sqlite_schema";
         let _ = open(&options(file.path(), READ_PATIENCE))
             .and_then(|db| db.query_row(nothing, [], |_| Ok(())));
@@ -96,7 +97,7 @@ pub(super) fn mending(path: &Path) -> Result<Connection> {
 
 fn of_writer(path: &Path) -> Result<SqliteConnectOptions> {
     if path.exists() && access(path, Access::WRITE_OK).is_err() {
-        // SQLite would open such a file, and only refuse the first write.
+        // SQLite would open such a file, but refuse the first write.
         let words = "this user has no permission to write to the file".to_owned();
         return Err(StoreError::Unavailable(words).into());
     }
@@ -120,8 +121,8 @@ pub(super) fn reading(file: &DatabaseFile, is_untouched: bool) -> Result<Connect
     open(&options.read_only(is_fixed || is_untouched).immutable(is_fixed))
 }
 
-/// Rebuilds the indices of all tables that can be read completely. The connection must be one for
-/// mending. If a table has lost rows, its indices stay as they are, because they still contain the
+/// Rebuilds the indices of all tables that can be read completely. The connection must come from
+/// [`mending`]. If a table has lost rows, its indices stay as they are, because they still contain the
 /// keys of these rows.
 pub(super) fn renew_indices(db: &Connection) -> Result<()> {
     const PUT: &str = "UPDATE sqlite_schema SET rootpage = \
@@ -142,11 +143,11 @@ pub(super) fn renew_indices(db: &Connection) -> Result<()> {
         match db.query_row(&lacks_rows, [], |row| row.get::<_, bool>(0)) {
             Ok(true) => continue,
             Ok(false) if db.batch(&format!("REINDEX {quoted}")).is_ok() => continue,
-            // REINDEX could free pages of a table to which a damaged index refers.
+            // A damaged index may refer to pages of a table, and REINDEX could free these pages.
             Ok(false) | Err(_) => {}
         }
         let Some(columns) = columns else { continue };
-        // SQLite cannot clear an index with damaged pages, so a new one takes its place.
+        // SQLite cannot clear an index with damaged pages, so a new index takes its place.
         let make = match &*made_by {
             "" => format!("CREATE UNIQUE INDEX renewed ON {table} ({columns})"),
             text => text.replacen(&format!("INDEX {name} "), "INDEX renewed ", 1),
@@ -160,12 +161,6 @@ pub(super) fn renew_indices(db: &Connection) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Number of rows that the connection's statements have changed so far, including changes that were
-/// rolled back.
-pub(super) fn changes(db: &Connection) -> Result<i64> {
-    db.query_row("SELECT total_changes()", [], |row| row.get(0))
 }
 
 /// Number of pages (frames) in the log.

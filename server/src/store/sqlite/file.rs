@@ -41,6 +41,9 @@ impl DatabaseFile {
             });
         };
         let name = name.strip_prefix("//").unwrap_or(name);
+        if name.contains("://") && !Path::new(name).exists() {
+            return Err("another kind of address".to_owned());
+        }
         if let Some((file, options)) = name.split_once('?')
             && options.contains('=')
             && !Path::new(name).exists()
@@ -55,9 +58,10 @@ impl DatabaseFile {
         Ok(Self::at(Path::new(name)))
     }
 
-    /// Refuses a path that is not a file, and a file that this user must not read. Also refuses a file with
-    /// several names (hard links) if it is opened to be written, or if there is a log under another of its
-    /// names. SQLite would only report that it cannot open the file, or keep one log per name.
+    /// Refuses a path that is not a file, and a file that this user must not read. Also refuses a file
+    /// with several names (hard links) if it is opened to be written, or if there is a log under
+    /// another of its names. In these cases, SQLite would only report that it cannot open the file, or
+    /// it would keep one log per name.
     pub(in crate::store) fn check(file: &Path, purpose: Purpose) -> Result<(), OpenError> {
         let refuse = |reason: String| {
             Err(OpenError::Unusable { database: file.display().to_string(), reason })
@@ -103,7 +107,7 @@ impl DatabaseFile {
         std::fs::metadata(&self.log).is_ok_and(|log| log.len() > 0)
     }
 
-    /// Whether the file's log is beside another name (hard link) of the file. This is assumed if a
+    /// Whether the file's log is beside another name (hard link) of the file. Returns `true` if a
     /// server holds the file's lock, or if another name in the folder has a log.
     pub(in crate::store) fn has_log_of_other_name(&self) -> bool {
         let is_twin = |other: &Self| {
@@ -117,8 +121,8 @@ impl DatabaseFile {
                 || names.map(|entry| Self::at(&entry.path())).any(|other| is_twin(&other)))
     }
 
-    /// Why SQLite would misinterpret a file beside this one, and what to do. SQLite ignores a log
-    /// beside a symbolic link, and applies a rollback journal even if it belongs to another file.
+    /// Why SQLite would misinterpret a file beside this one, and what the user can do. SQLite ignores a
+    /// log beside a symbolic link, and applies a rollback journal even if it belongs to another file.
     pub(super) fn misleading(&self) -> Option<String> {
         let is_filled = |path: &Path| std::fs::metadata(path).is_ok_and(|file| file.len() > 0);
         let log = with_end(&self.path, "-wal");
@@ -207,9 +211,9 @@ impl DatabaseFile {
         [&self.log, &*self.index()].map(|path| identity(path).ok())
     }
 
-    /// Whether a connection opened now would share the server's index of the log. The server keeps
-    /// its index locked. Returns `true` if no server uses the file. If the index was deleted,
-    /// SQLite would create another one, and the two writers would be unaware of each other.
+    /// Whether a connection opened now would share the server's index of the log. The server keeps its
+    /// index locked. Returns `true` if no server uses the file. If the index was deleted, SQLite would
+    /// create another index, and the two writers would be unaware of each other.
     pub(super) fn shares_index(&self) -> bool {
         let is_locked = |path: &Path| {
             File::open(path)

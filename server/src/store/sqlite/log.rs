@@ -33,7 +33,7 @@ pub(super) struct Frames {
     frame: Vec<u8>,
 }
 
-/// A frame of this generation of a log, or one left over from an earlier generation.
+/// A frame of this generation of a log, or a frame left over from an earlier generation.
 pub(super) struct Frame<'a> {
     /// The page number, from 1.
     pub(super) page: u32,
@@ -44,8 +44,8 @@ pub(super) struct Frame<'a> {
     pub(super) is_sound: bool,
     /// Whether the frame belongs to this generation.
     is_own: bool,
-    /// Whether the frame belongs to this generation, and its checksums follow from those of the
-    /// previous frame. If the previous checksums cannot be trusted, only the generation is checked.
+    /// Whether the frame belongs to this generation, and its checksums follow from the previous frame's
+    /// checksums. If the previous checksums cannot be trusted, only the generation is checked.
     is_intact: bool,
     /// The content of the page.
     pub(super) content: &'a [u8],
@@ -163,8 +163,8 @@ impl Index {
         let length = if is_whole { usize::try_from(file.metadata().ok()?.len()).ok()? } else { 0 };
         let mut bytes = vec![0; length.max(Self::HEADER)];
         file.read_exact_at(&mut bytes, 0).ok()?;
-        // The header is stored twice, so that a torn write is detected. It contains a flag that it
-        // is initialised, and the number of frames.
+        // The header is stored twice, so that a torn write is detected. It contains the number of
+        // frames, and a flag that is set once the index is initialised.
         let (one, other) = (&bytes[..48], &bytes[48..96]);
         if one != other || one[12] != 1 {
             return None;
@@ -233,9 +233,9 @@ pub(super) struct Applied {
     pub(super) lost: u64,
 }
 
-/// Applies to a copy of the file the frames that SQLite would read from the log. If the log is
-/// damaged, applies every intact frame. `page` is as in [`Frames::open`]. `index` is the log's
-/// index, if it can be read. Frames after the first `until` are left out.
+/// Applies the frames that SQLite would read from the log to `to`, a copy of the file. If the log is
+/// damaged, applies every intact frame. `page` is as in [`Frames::open`]. `index` is the log's index,
+/// if it can be read. Frames after the first `until` are left out.
 pub(super) fn apply(
     log: &Path,
     page: Option<usize>,
@@ -278,9 +278,10 @@ pub(super) fn apply(
     Ok(Applied { length: (pages > 0).then_some(u64::from(pages) * length), lost })
 }
 
-/// Whether a file that does not begin like a log has lost a part of a log's header. Returns `None` if
-/// it begins like a log, or is empty. SQLite would delete any other file. A power failure can leave
-/// zeros, but no other incomplete header, because SQLite writes the header at once.
+/// If a log has an invalid header, returns whether it begins with a log's first bytes. Then only a part
+/// of its header was lost. Returns `None` if the header is valid, or consists of zeros. SQLite would
+/// delete a log with an invalid header. A power failure can leave zeros, but no other incomplete
+/// header, because SQLite writes the header at once.
 pub(super) fn strange_header(log: &Path) -> io::Result<Option<bool>> {
     let strange = || {
         let mut header = Vec::new();

@@ -7,8 +7,9 @@
 use super::connection;
 use super::file::{DatabaseFile, Identity, MAGIC};
 use super::log::{self, Frames, Index, PAGE, read_whole};
+use crate::store::migrations::COUNTED;
 use crate::store::opening::Misplaced;
-use crate::store::sql::{Connection, OptionalExtension, Result};
+use crate::store::sql::{Connection, OptionalExtension, Result, Row};
 use memchr::memmem;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek};
@@ -49,18 +50,19 @@ impl Mark {
         Some(Self { identity, commits, before: parts.next()?, drawn: parts.next()? })
     }
 
-    /// Whether a database with this mark can have that mark later.
+    /// Whether a database with this mark can get the mark `later`. Returns `true` if the marks are
+    /// equal.
     pub(super) fn is_before(&self, later: &Self) -> bool {
         self == later || self.commits < later.commits && self.identity == later.identity
     }
 
-    /// Whether the next transaction can have that mark.
+    /// Whether the next transaction can write the mark `next`. Returns `true` if the marks are equal.
     fn is_just_before(&self, next: &Self) -> bool {
         let is_next = next.commits == self.commits + 1 && next.before == self.drawn;
         self == next || is_next && self.identity == next.identity
     }
 
-    /// Whether the log's mark can continue from this mark of the file. Returns `true` if the two
+    /// Whether a log with the mark `log` can continue a file with this mark. Returns `true` if the two
     /// marks are too many commits apart to decide.
     fn is_followed_by(&self, log: &Self) -> bool {
         match log.commits {
@@ -80,8 +82,8 @@ pub(super) struct Place {
     pub(super) length: usize,
 }
 
-/// The mark in a file, ignoring the file's log, and the mark's place. Returns `None` for a file of
-/// a version without marks.
+/// The mark in a file, without its log, and the place of the mark. Returns `None` for a file of a
+/// version without marks.
 pub(super) fn of_file(file: &DatabaseFile) -> Result<Option<(Mark, Place)>> {
     match by_sqlite(file) {
         // During a checkpoint, and after a crash during one, SQLite can read the file only together
@@ -93,7 +95,7 @@ pub(super) fn of_file(file: &DatabaseFile) -> Result<Option<(Mark, Place)>> {
 
 /// The mark on a page that has a mark and nothing else, if there is exactly one such page.
 pub(super) fn by_bytes(file: &DatabaseFile) -> io::Result<Option<(Mark, Place)>> {
-    // Closing any handle of a file releases SQLite's locks on it, so this one stays open.
+    // Closing any handle of a file releases SQLite's locks on it, so this handle stays open.
     static OPEN: Mutex<Vec<(Identity, File)>> = Mutex::new(Vec::new());
     let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
     let identity = file.identity().map_err(io::Error::other)?;
@@ -163,17 +165,17 @@ pub(super) struct Log {
     pub(super) salts: [u8; 8],
     /// The first and the last mark of the transactions that SQLite would apply.
     pub(super) marks: Option<[Mark; 2]>,
-    /// Whether all marks can continue from the file's mark.
+    /// Whether all marks of the log can follow the file's mark.
     follows: bool,
     /// Number of frames up to the last transaction with a mark.
     pub(super) marked: u64,
-    /// Whether a later mark does not continue from the last one. Another program wrote another
+    /// Whether a mark does not follow the mark before it, because another program wrote another
     /// database into this one.
     is_broken: bool,
     /// Number of transactions that SQLite would apply.
     commits: usize,
-    /// Number of frames that SQLite would read, if it would lose others: later transactions follow,
-    /// or the log's index has more or different frames.
+    /// Number of frames that SQLite would read. `None` unless SQLite would lose further frames. It
+    /// loses frames if later transactions follow, or if the log's index has more or different frames.
     cut: Option<u64>,
 }
 
@@ -294,7 +296,7 @@ fn unlike(file: &DatabaseFile, index: impl Fn() -> Option<Index>) -> io::Result<
     Ok(None)
 }
 
-/// The mark that SQLite finds, with the log. `None` if there is no mark.
+/// The mark that SQLite finds when it applies the log. Returns `None` if there is no mark.
 pub(super) fn with_log(db: &Connection) -> Result<Option<Mark>> {
     let text = db.query_row("SELECT text FROM mark", [], |row| row.get::<_, String>(0)).optional();
     let has = "SELECT 1 FROM sqlite_schema WHERE name = 'mark'";
@@ -304,8 +306,30 @@ pub(super) fn with_log(db: &Connection) -> Result<Option<Mark>> {
     }
 }
 
-/// Whether SQLite, which applies the log, finds a mark that the log's last mark cannot become.
-/// Another program wrote another database into this one, with its mark on another page or without one.
+/// Like [`with_log`], with the number of rows that the connection's statements have changed so far,
+/// including changes that were rolled back.
+pub(super) fn with_changes(db: &Connection) -> Result<(Option<Mark>, i64)> {
+    let read = |row: &Row| Ok((Mark::find(row.get::<_, String>(0)?.as_bytes()), row.get(1)?));
+    match db.query_row("SELECT text, total_changes() FROM mark", [], read) {
+        Err(_) => {
+            let changes = db.query_row("SELECT total_changes()", [], |row| row.get(0))?;
+            Ok((with_log(db)?, changes))
+        }
+        found => found,
+    }
+}
+
+/// Counts a commit in the mark, if the connection has changed more than `changes` rows. Returns the
+/// new mark in this case.
+pub(super) fn count(db: &Connection, changes: i64) -> Result<Option<Mark>> {
+    let counted = format!("{COUNTED} WHERE total_changes() > $1 RETURNING text");
+    let text = db.query_row(&counted, [changes], |row| row.get::<_, String>(0)).optional()?;
+    Ok(text.and_then(|text| Mark::find(text.as_bytes())))
+}
+
+/// Whether another program wrote another database into this one, with its mark on another page or
+/// without a mark. Then the mark that SQLite finds when it applies the log cannot follow the log's last
+/// mark.
 pub(super) fn is_replaced(file: &DatabaseFile, db: &Connection) -> Result<bool> {
     let of = of_file(file).ok().flatten();
     let log = Log::read(file.log(), of.as_ref(), None).ok().flatten();

@@ -37,13 +37,13 @@ pub(super) struct Original {
     written: Mutex<Looked>,
     /// Whether the file must be checked for damage.
     is_suspected: AtomicBool,
-    /// Whether the other process also overwrote data that may be nowhere else.
+    /// Whether the other process also overwrote data that may exist nowhere else.
     is_overwritten: AtomicBool,
     /// The mark after the last commit of this process.
     last: Mutex<Option<Mark>>,
     /// The log that the writer has open.
     open_log: Mutex<Option<File>>,
-    /// The log and its index that the writer has open.
+    /// The identities of the log and of its index, while the writer has them open.
     companions: Mutex<Option<[Option<Identity>; 2]>>,
     /// The salts of the index, and the highest number of frames seen with them.
     frames: Mutex<([u8; 8], u64)>,
@@ -53,14 +53,14 @@ pub(super) struct Original {
     has_log: AtomicBool,
     /// State of the log and its index when they were last compared.
     log_read: Mutex<Option<LogRead>>,
-    /// Every index of the log that was open here, kept locked. None is ever closed, because that
-    /// would release SQLite's locks on it.
+    /// Every index of the log that this process has opened. They stay locked and open, because closing
+    /// one would release SQLite's locks on it.
     indices: Mutex<Vec<(Identity, File)>>,
     /// Whether rescued data may be written to other folders.
     goes_elsewhere: AtomicBool,
     /// The rescued copy, while the file is not usable.
     rescued: Mutex<Option<PathBuf>>,
-    /// Why the file was not usable at the end, if its data were not rescued.
+    /// Why the file could not be used when the writer ended, if its data were not rescued.
     lost: OnceLock<StoreError>,
 }
 
@@ -75,8 +75,8 @@ struct Seen {
     length: u64,
 }
 
-/// When a file was last written to, and how many frames of its log checkpoints had written to it
-/// then. A checkpoint changes both.
+/// When a file was last written to, and how many frames of the log checkpoints had copied into it by
+/// then. A checkpoint changes both values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Written {
     at: SystemTime,
@@ -188,7 +188,7 @@ impl Original {
             self.keep_index(index);
         }
         *self.companions.lock().unwrap_or_else(PoisonError::into_inner) = found;
-        // Closing a log releases no lock of SQLite.
+        // Closing a handle of the log releases no lock of SQLite.
         let log = found.and_then(|_| File::open(self.file.log()).ok());
         *self.open_log.lock().unwrap_or_else(PoisonError::into_inner) = log;
     }
@@ -244,6 +244,11 @@ impl Original {
         let indices = self.indices.lock().unwrap_or_else(PoisonError::into_inner);
         let (_, open) = indices.iter().find(|(identity, _)| Some(*identity) == known)?;
         Index::read(open, is_whole)
+    }
+
+    /// Number of pages in the log, as its index says. `None` if the index cannot be read.
+    pub(super) fn log_pages(&self) -> Option<i64> {
+        i64::try_from(self.index(false)?.frames).ok()
     }
 
     /// Whether the index belongs to another generation of the log than the log file.
@@ -312,7 +317,7 @@ impl Original {
         const CUT: &str = "separated from its write-ahead log, which was cut off";
         const OTHER: &str = "separated from its write-ahead log, which was overwritten";
         let mut header = [0; 32];
-        // Its existence was checked before.
+        // The caller has already checked that the log exists.
         let log = File::open(self.file.log()).ok()?;
         let length = log.metadata().ok()?.len();
         let mut known = self.log.lock().unwrap_or_else(PoisonError::into_inner);
@@ -347,7 +352,8 @@ impl Original {
         None
     }
 
-    /// Runs a checkpoint. Simultaneous writes by other processes cannot be distinguished from it.
+    /// Runs a checkpoint. If another process writes to the file at the same time, this cannot be
+    /// distinguished from the checkpoint.
     pub(super) fn writing_back<T>(&self, write_back: impl FnOnce() -> T) -> T {
         let mut looked = self.written.try_lock();
         if let Ok(looked) = &mut looked {

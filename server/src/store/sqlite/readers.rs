@@ -31,8 +31,8 @@ impl Readers {
         Self { file, original, only_reads, idle, long: Arc::new(Semaphore::new(LONG_READS)) }
     }
 
-    /// Reads a few rows on the calling thread. Readers never wait in WAL mode, and a few rows take
-    /// some microseconds. This is less than handing the work to another thread.
+    /// Reads a few rows on the calling thread. Readers never wait in WAL mode, and reading a few rows
+    /// takes some microseconds. Handing the work to another thread would take longer.
     pub(super) fn short(&self, mut operation: Box<dyn Operation>) {
         let done = self.with(|db| operation.run(db));
         operation.answer(done);

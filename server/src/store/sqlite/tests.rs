@@ -132,7 +132,8 @@ async fn a_log_beside_a_link_is_not_ignored() {
     assert_eq!(std::fs::read(log).unwrap(), b"a log");
 }
 
-/// SQLite would write the pages of the journal into the database, although they belong to another one.
+/// SQLite would write the pages of the journal into the database, although the pages belong to another
+/// database.
 #[tokio::test]
 async fn a_rollback_journal_is_not_applied() {
     let folder = tempfile::tempdir().unwrap();
@@ -246,7 +247,8 @@ async fn damage_of_a_log_is_told_from_a_power_cut() {
     };
     assert_eq!(misplaced("whole.db", 0, 0), None);
     assert_eq!(misplaced("cut.db", length - 2_000, 2_000), None);
-    // A killed process leaves the index behind; after a power failure, the index is never ahead of the log.
+    // After a killed process, its index remains. After a power failure, the index is never ahead of the
+    // log.
     assert_eq!(misplaced("told.db", 0, 0), None);
     for (name, at, bytes) in [
         ("cut and told.db", length - 2_000, 2_000),

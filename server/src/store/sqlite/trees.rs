@@ -65,7 +65,7 @@ fn put_back(named: &DatabaseFile, pages: &mut Pages<'_>, like: &Connection) -> s
     }
 }
 
-/// The rows of a b-tree after the previous part, up to the rowid `last`.
+/// A range of rows of a b-tree, from the end of the previous part up to the rowid `last`.
 struct Part {
     last: i64,
     /// The leaf page of these rows, or `None` if it is lost.
@@ -268,8 +268,8 @@ fn is_of(table: &Table, page: u32, content: &[u8], before: i64, last: i64) -> bo
     fits && before < found.first && found.last <= last
 }
 
-/// The only table that lacks these rows and could have contained them. Returns `None` if there are
-/// several, because rows must not appear in a table that never contained them.
+/// The index of the only table that lacks these rows and could have contained them. Returns `None` if
+/// there are several such tables, because rows must not appear in a table that never contained them.
 fn owner(damaged: &[(&Table, Vec<Part>)], stray: &Stray) -> Option<usize> {
     let is_missing = |parts: &[Part]| {
         let mut before = i64::MIN;
@@ -422,7 +422,7 @@ mod tests {
         let inner: Vec<_> =
             (0..whole.len() / PAGE).filter(|page| whole[page * PAGE] == INNER).collect();
         assert!(inner.len() > 4, "{inner:?}");
-        // The first page contains the schema, and the next ones are the root pages of the tables.
+        // The first page contains the schema, and the next pages are the root pages of the tables.
         for lost in inner.iter().copied().chain([0, 1, 2, 3, 40]) {
             let mut content = whole.clone();
             content[lost * PAGE..][..PAGE].fill(0);

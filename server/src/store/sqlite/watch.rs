@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 /// Interval between the regular checks.
 const WATCH: Duration = Duration::from_millis(250);
 
-/// Every n-th check reads the whole log, if it was written to.
+/// Every n-th check reads the whole log, if the log was written to.
 const READ_LOG: usize = 3;
 
 /// Pause before a failed rescue is retried.
@@ -24,8 +24,8 @@ pub(super) struct Watch {
 }
 
 impl Watch {
-    /// Starts the thread. It calls `noticed` when another process has changed the file, and again
-    /// while the data are not rescued.
+    /// Starts the thread. It calls `noticed` when another process has changed the file, and then
+    /// repeatedly until the data are rescued.
     pub(super) fn start(
         original: Arc<Original>,
         noticed: impl Fn() + Send + 'static,

@@ -30,7 +30,7 @@ const MOST_ROUNDS: usize = 8;
 /// Who runs the next checkpoint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turn {
-    /// Nobody: the log is short, or was left as it is.
+    /// Nobody, because the log is short or was left as it is.
     Nobody,
     Thread,
     /// The writer, because only few pages are left.
@@ -42,8 +42,8 @@ pub(super) struct WriteBack {
     begin: Option<SyncSender<()>>,
     turn: Arc<Mutex<Turn>>,
     original: Arc<Original>,
-    /// Number of pages in the log that triggers the next checkpoint. Every checkpoint raises it, so
-    /// that not every commit retries after an error or an incomplete round.
+    /// Number of pages in the log that triggers the next checkpoint. Every checkpoint raises this
+    /// number. Otherwise, every commit would retry after an error or an incomplete round.
     due: i64,
     thread: Option<JoinHandle<()>>,
 }
@@ -72,7 +72,7 @@ impl WriteBack {
     /// Triggers a checkpoint if the log is long. The writer thread calls this after a commit.
     pub(super) fn after_commit(&mut self, db: &Connection) {
         // If the number cannot be read, a checkpoint would fail, too, and the next commit reports the error.
-        let pages = connection::log_pages(db).unwrap_or(0);
+        let pages = self.original.log_pages().unwrap_or(0);
         if pages < LONG {
             self.due = LONG;
         }
@@ -87,7 +87,7 @@ impl WriteBack {
             }
         } else if is_due && let Some(begin) = &self.begin {
             self.due = pages.saturating_add(LONG);
-            // The turn is set first, because the other thread may finish before this one continues.
+            // The turn is set first, because the other thread may finish before this thread continues.
             set(&self.turn, Turn::Thread);
             if begin.try_send(()).is_err() {
                 set(&self.turn, Turn::Nobody);
@@ -140,8 +140,9 @@ mod tests {
         file.create().unwrap();
         let db = connection::writing(file.path()).unwrap();
         db.batch("CREATE TABLE page (bytes BLOB NOT NULL) STRICT").unwrap();
-        let mut log =
-            WriteBack::start(file.clone(), Arc::new(Original::new(file, true).unwrap())).unwrap();
+        let original = Original::new(file.clone(), true).unwrap();
+        original.note_companions(true);
+        let mut log = WriteBack::start(file, Arc::new(original)).unwrap();
         let mut longest = 0;
         let began_anew = (0..COMMITS).any(|_| {
             db.execute("INSERT INTO page VALUES (zeroblob(100000))", []).unwrap();

@@ -7,26 +7,25 @@
 //! The next batch opens a new connection, so writing resumes as soon as the disk accepts writes
 //! again.
 //!
-//! There are three queues (lanes). Trials go first, because a browser waits for each. Other
-//! requests follow, for about the duration of a commit. So if a whole class enrols at the same
+//! There are three queues (lanes). Trials go first, because a browser waits for each. Other requests
+//! follow, but only for about the duration of a commit. So even if a whole class enrols at the same
 //! time, it hardly delays participants who are driving. Background work (files and cells of an
-//! analysis, value functions) runs in separate transactions, one operation between two batches, so
-//! that requests wait for at most one of them.
+//! analysis, value functions) runs in separate transactions, one operation between two batches, so that
+//! requests wait for at most one such operation.
 
 mod rescue;
 
 use super::connection;
 use super::file::DatabaseFile;
-use super::mark::{self, Mark};
+use super::mark;
 use super::original::Original;
 use super::readers::Readers;
 use super::write_back::WriteBack;
 use crate::store::commits::Commits;
 use crate::store::error::StoreError;
 use crate::store::lanes::Lane;
-use crate::store::migrations::COUNTED;
 use crate::store::operation::{Batch, Operation, run_together};
-use crate::store::sql::{self, Connection, Row};
+use crate::store::sql::Connection;
 use std::collections::VecDeque;
 use std::fmt;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -51,7 +50,7 @@ struct Lanes {
     trials: VecDeque<Box<dyn Operation>>,
     requests: VecDeque<Box<dyn Operation>>,
     background: VecDeque<Box<dyn Operation>>,
-    /// When to try to empty the log, if this was requested.
+    /// When to try to empty the log. `None` unless emptying the log was requested.
     empty_log_at: Option<Instant>,
     /// Whether a rescue was requested, because another process has changed the file.
     rescue: bool,
@@ -389,28 +388,42 @@ impl Thread {
         batch: &mut Batch,
         trials: usize,
     ) -> Result<bool, StoreError> {
-        let before = connection::changes(db)?;
         db.control("BEGIN IMMEDIATE")?;
-        let mark = mark::with_log(db)?;
+        let (mark, changes) = mark::with_changes(db)?;
         self.original.check_mark(mark.as_ref())?;
         let (first, others) = batch.split_at_mut(trials);
-        run_trials(db, first)?;
-        // Runs at least one operation, and more while there is time. The time is limited, because a
-        // trial that arrives meanwhile waits for all of them.
-        let (begun, mut done) = (Instant::now(), 0);
-        for operation in others {
-            run(db, &mut **operation)?;
-            done += 1;
-            if begun.elapsed() >= self.disk {
-                break;
+        let mut done = 0;
+        match (&mut *first, &mut *others) {
+            // An operation alone needs no savepoint.
+            ([alone], []) | ([], [alone]) => {
+                done = 1 - trials;
+                if let Err(error) = attempt(db, &mut **alone) {
+                    if error.ends_transaction() {
+                        return Err(error);
+                    }
+                    db.roll_back("ROLLBACK").map_err(|_| error)?;
+                    return Ok(false);
+                }
+            }
+            _ => {
+                run_trials(db, first)?;
+                // Runs at least one operation, and more while there is time. The time is limited,
+                // because a trial that arrives meanwhile waits for all of them.
+                let begun = Instant::now();
+                for operation in others {
+                    run(db, &mut **operation)?;
+                    done += 1;
+                    if begun.elapsed() >= self.disk {
+                        break;
+                    }
+                }
             }
         }
-        let has_changed = connection::changes(db)? != before;
-        let counted = format!("{COUNTED} RETURNING text");
-        let mark = if has_changed { db.query_row(&counted, [], mark_of)? } else { mark };
+        let next = mark::count(db, changes)?;
+        let has_changed = next.is_some();
         let begun = Instant::now();
         db.control("COMMIT")?;
-        self.original.note_mark(mark);
+        self.original.note_mark(next.or(mark));
         self.disk = begun.elapsed();
         self.queue.put_back(batch.split_off(trials + done));
         Ok(has_changed)
@@ -433,11 +446,7 @@ impl Thread {
     }
 }
 
-fn mark_of(row: &Row) -> sql::Result<Option<Mark>> {
-    Ok(Mark::find(row.get::<_, String>(0)?.as_bytes()))
-}
-
-/// Opens the file if it is the original one.
+/// Opens the file if it is the original file.
 fn open(file: &DatabaseFile, original: &Original) -> Result<Connection, StoreError> {
     original.check()?;
     let db = connection::writing(file.path())?;
@@ -470,14 +479,17 @@ fn run_trials(db: &Connection, trials: &mut [Box<dyn Operation>]) -> Result<(), 
     Ok(db.control("RELEASE trials")?)
 }
 
-/// Runs an operation in a savepoint, so that only a failed operation is undone. An error of this
-/// function concerns the whole transaction.
+/// Runs an operation and its deferred statements.
+fn attempt(db: &Connection, operation: &mut dyn Operation) -> Result<(), StoreError> {
+    operation.run(db)?;
+    db.settle().map_err(StoreError::from).inspect_err(|error| operation.fail(error))
+}
+
+/// Runs an operation in a savepoint, so that only a failed operation is undone. If this function
+/// returns an error, the whole transaction has failed.
 fn run(db: &Connection, operation: &mut dyn Operation) -> Result<(), StoreError> {
     db.control("SAVEPOINT operation")?;
-    let done = operation.run(db).and_then(|()| {
-        db.settle().map_err(StoreError::from).inspect_err(|error| operation.fail(error))
-    });
-    if let Err(error) = done {
+    if let Err(error) = attempt(db, operation) {
         if error.ends_transaction() {
             return Err(error);
         }

@@ -12,7 +12,7 @@ use sidestep::trial::{Flag, Outcome, Phase};
 /// Identity and outcome of a trial.
 #[derive(Clone, Debug)]
 pub struct TrialHead {
-    /// Sequence number of the trial, in the order of storing. It is never used twice.
+    /// Sequence number of the trial, in the order of storing. A number is never used twice.
     pub sequence: i64,
     /// The trial.
     pub trial_id: String,
@@ -159,7 +159,7 @@ impl Store {
         self.read_long(move |db| whole(db, "participant_id", &participant_id)).await
     }
 
-    /// Like [`Self::trials_of`], but with the ids of trials that cannot be read.
+    /// Like [`Self::trials_of`], but returns an error with the id for each trial that cannot be read.
     ///
     /// # Errors
     /// [`StoreError`] if even their ids cannot be read.
@@ -238,7 +238,7 @@ pub(in crate::store) fn whole(
     each(db, column, value)?.into_iter().map(|read| read.map_err(corrupt)).collect()
 }
 
-/// Like [`whole`], but with the ids of trials that cannot be read.
+/// Like [`whole`], but returns an error with the id for each trial that cannot be read.
 fn each(
     db: &Connection,
     column: &'static str,

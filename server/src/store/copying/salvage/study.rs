@@ -29,7 +29,7 @@ impl Reader<'_> {
             self.lose("study_version", format!("of {slug}"), "it cannot be read")?;
         }
         if study.versions.is_empty() {
-            // There is always a version, so the study's own row becomes version 1.
+            // A study always has a version, so its own row becomes version 1.
             study.versions.push((1, study.config_hash.clone(), study.created_at_ms, false));
         }
         for (hash, json) in std::mem::take(&mut study.configs) {
@@ -53,7 +53,7 @@ impl Reader<'_> {
             None => false,
         };
         study.versions.retain_mut(|(_, hash, ..)| saved(hash));
-        // Value functions of an altered configuration may be of other parameters.
+        // Value functions of an altered configuration may belong to other parameters.
         study.safety.retain(|(hash, ..)| self.configs.get(hash) == Some(hash));
         if !saved(&mut study.config_hash) {
             let Some((_, hash, ..)) = study.versions.last() else {
@@ -73,7 +73,7 @@ impl Reader<'_> {
         Ok(Some(study))
     }
 
-    /// A study with unreadable rows, assembled from the others.
+    /// Assembles a study from its readable rows, because some of its rows cannot be read.
     fn parts_of_study(&mut self, slug: &str) -> Result<Option<StudyCopy>, StoreError> {
         let db = self.db;
         let Some(&(study_id, _)) = self.rowids("study", slug)?.first() else { return Ok(None) };
@@ -84,7 +84,7 @@ impl Reader<'_> {
         let versions = self.unless_lost("study_version", slug, versions(db, study_id))?;
         let versions = versions.unwrap_or_default();
         let (config_hash, created_at_ms) = match (own.map_err(StoreError::from), &versions[..]) {
-            // The versions have the same data as the study's row.
+            // The versions repeat the data of the study's row.
             (Err(StoreError::Corrupt(_)), [(_, _, created_at_ms, _), ..]) => {
                 (versions[versions.len() - 1].1.clone(), *created_at_ms)
             }

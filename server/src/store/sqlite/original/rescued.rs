@@ -1,4 +1,4 @@
-//! What is left of a file that another process has changed, and whether it was rescued.
+//! The remaining data of a file that another process has changed, and whether these data were rescued.
 
 use super::super::log::Frames;
 use super::super::mark::Log;
@@ -37,12 +37,12 @@ impl Original {
         self.is_overwritten.load(Ordering::Relaxed) && self.rescued().is_none()
     }
 
-    /// Records at the end why the data could not be rescued.
+    /// When the writer ends, records why the file cannot be used, if its data were not rescued.
     pub(in crate::store::sqlite) fn note_lost(&self, error: StoreError) {
         let _ = self.lost.set(error);
     }
 
-    /// Why nothing was stored at the end, if the data could not be rescued.
+    /// Why the file could not be used when the writer ended, if its data were not rescued.
     pub(in crate::store::sqlite) fn lost(&self) -> Option<StoreError> {
         self.lost.get().cloned()
     }
@@ -60,14 +60,15 @@ impl Original {
         }
     }
 
-    /// The log that the writer has open, unless it is empty. It may be deleted or overwritten.
+    /// The log that the writer has open, unless it is empty. Another process may have deleted or
+    /// overwritten it.
     pub(in crate::store::sqlite) fn open_log(&self) -> Option<File> {
         let log = self.open_log.lock().unwrap_or_else(PoisonError::into_inner);
         let log = log.as_ref()?.try_clone().ok()?;
         log.metadata().is_ok_and(|found| found.len() > 0).then_some(log)
     }
 
-    /// Like [`Self::open_log`], if it has the last commit of this process.
+    /// The log that the writer has open, if it contains the last commit of this process.
     pub(in crate::store::sqlite) fn latest_log(&self) -> Option<File> {
         let place = self.mark.lock().unwrap_or_else(PoisonError::into_inner).clone()?.1;
         let last = self.last.lock().unwrap_or_else(PoisonError::into_inner).clone();
@@ -91,7 +92,9 @@ impl Original {
         name.push(format!(".{}.rescued", now.as_millis()));
         let elsewhere = std::env::current_dir().into_iter().chain([std::env::temp_dir()]);
         let elsewhere = elsewhere.filter(|_| self.goes_elsewhere.load(Ordering::Relaxed));
-        let folders = std::iter::once(self.file.folder().to_owned()).chain(elsewhere);
+        let beside = std::path::absolute(self.file.folder());
+        let beside = beside.unwrap_or_else(|_| self.file.folder().to_owned());
+        let folders = std::iter::once(beside).chain(elsewhere);
         folders.map(move |folder| folder.join(&name))
     }
 }

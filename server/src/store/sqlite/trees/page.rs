@@ -39,7 +39,8 @@ pub(super) fn types(record: &[u8], length: u64) -> Option<Vec<u64>> {
     (total == length).then_some(types)
 }
 
-/// The children of an interior page: each page with the rowid of its last row, and the rightmost page.
+/// The children of an interior page: each child with the rowid of its last row, and then the rightmost
+/// child.
 pub(super) fn below(header: &[u8], content: &[u8]) -> Option<(Vec<(i64, u32)>, u32)> {
     let count = usize::from(u16::from_be_bytes([*header.get(3)?, *header.get(4)?]));
     let pages = header.get(12..)?.chunks_exact(2).take(count).map(|at| {
@@ -59,8 +60,8 @@ pub(super) fn is_ascending(before: i64, below: &[(i64, u32)], last: i64) -> bool
         .all(|(one, next)| one < next)
 }
 
-/// An interior page above these pages. It replaces the page `content`, and keeps its first `header`
-/// bytes.
+/// An interior page whose children are the pages `below`. It replaces the page `content`, and keeps the
+/// first `header` bytes of that page.
 pub(super) fn inner(below: &[(i64, u32)], content: &[u8], header: usize) -> Vec<u8> {
     let mut page = content[..header].to_vec();
     page.resize(content.len(), 0);

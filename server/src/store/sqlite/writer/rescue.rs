@@ -10,8 +10,9 @@ use std::io::Seek;
 use std::path::{Path, PathBuf};
 
 impl Thread {
-    /// Rescues the data into another file. If the content is intact, writes all data. Otherwise
-    /// copies the log if the file is still in place, and the open file with its log if it is not.
+    /// Rescues the data into another file. If the content is intact, writes all data. Otherwise, if the
+    /// file is still in place, copies only the log. If the file is not in place, copies the open file
+    /// and its log.
     pub(super) fn rescue(&mut self) {
         if !self.original.lacks_rescue() {
             return;
