@@ -50,7 +50,7 @@ pub(crate) fn numbers(
         return Err(Invalid::new(field, expected, "some").into());
     }
     let array = numpy.call_method1("asarray", (object,)).map_err(|raised| {
-        // For example, lists of different lengths.
+        // This happens, for example, for lists of different lengths.
         Invalid::new(field, expected(), raised.value(py))
     })?;
     let kind = array.getattr("dtype")?;

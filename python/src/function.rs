@@ -416,8 +416,8 @@ pub(crate) fn levels(
         );
         return Err(Invalid::new("safety", expected, "None").into());
     }
-    // If no feature needs a safety level, any levels will do, so use those of two robots. If the vehicles are
-    // identical, these are the levels of the scene.
+    // If no feature needs a safety level, any levels will do, so use the levels of two robots. If
+    // the vehicles are identical, these are the levels of the scene.
     let alike = scene::SceneParameters { human: parameters.robot, ..*parameters };
     let exact = alike.game(Evader::Human).exact()?;
     let function = reachability::ValueFunction::Exact(exact);

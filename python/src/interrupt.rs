@@ -19,12 +19,12 @@ impl Watch {
         Self { looked: Instant::now(), raised: None }
     }
 
-    /// Checks if a check is due. Returns whether to continue.
+    /// Performs a check if one is due. Returns whether to continue.
     pub(crate) fn look(&mut self) -> ControlFlow<()> {
         self.tell(|_| Ok(()))
     }
 
-    /// Calls `told` and checks if a check is due. Returns whether to continue.
+    /// If a check is due, performs it and calls `told`. Returns whether to continue.
     pub(crate) fn tell(
         &mut self,
         told: impl FnOnce(Python<'_>) -> PyResult<()>,

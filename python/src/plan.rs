@@ -220,7 +220,7 @@ pub(crate) fn largest_clear(
 /// Reads clearances, which may be −∞.
 fn clearances_or_nothing(clearances: &Bound<'_, PyAny>) -> Result<Numbers, Error> {
     let numpy = clearances.py().import("numpy")?;
-    // Replaces −∞ by a finite number. What is not an array of numbers is rejected below.
+    // Replace −∞ by a finite number. Anything that is not an array of numbers is rejected below.
     let bounded = numpy.call_method1("maximum", (clearances, f64::MIN));
     numbers("clearances", "(m, T)", bounded.as_ref().unwrap_or(clearances))
 }

@@ -193,7 +193,7 @@ impl Predictor {
         PredictorFile { experiment: self.experiment, ..PredictorFile::from(&self.predictor) }
     }
 
-    /// The predictor. An error if its classes are not directions of a turn.
+    /// Returns the predictor, or an error if its classes are not turn directions.
     pub(crate) fn of_turns(&self) -> Result<&predict::Predictor, Error> {
         if self.experiment == Some(2) {
             let found = "experiment 2, a model of avoidance";

@@ -219,8 +219,9 @@ pub(crate) fn in_parts<S: Sync, T: Send + Clone>(
             };
             if let Err(invalid) = work(i * STATES_AT_ONCE, states, found) {
                 ended.store(true, Ordering::Relaxed);
-                // Parts are taken in order, so nearly every earlier part is complete or in progress. So the
-                // error of the earliest faulty part is usually found, and it is the one that is kept.
+                // Parts are taken in order, so nearly every earlier part is complete or in
+                // progress. Therefore the error of the earliest faulty part is usually found. It is
+                // the error that is kept.
                 let mut first = first.lock().unwrap_or_else(PoisonError::into_inner);
                 if first.as_ref().is_none_or(|(other, _)| i < *other) {
                     *first = Some((i, invalid));

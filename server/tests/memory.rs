@@ -1,6 +1,6 @@
 //! Import and export need no more memory for a longer study. The test counts the allocations of the
-//! whole process (except those of SQLite, whose cache is limited). Therefore it runs without the
-//! test harness and its threads.
+//! whole process (except SQLite's, because SQLite's cache is limited). Therefore it runs without
+//! the test harness and its threads.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
 use peak_alloc::PeakAlloc;
@@ -30,7 +30,7 @@ async fn main() {
     eprintln!("peaks, MB: {short:.2?} for 20 people, {long:.2?} for 120");
     for ((name, short), (_, long)) in short.iter().zip(&long) {
         assert!(*short > 0.2, "{name}: {short:.2}: is anything counted?");
-        // Only one row group is in memory, however many there are.
+        // At most one row group is in memory, regardless of the number of row groups.
         let most = if name.contains("parquet") { 40.0 } else { short + QUEUES_MB };
         assert!(*long <= most, "{name}: {short:.2} MB, then {long:.2} MB");
     }

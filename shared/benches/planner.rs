@@ -71,7 +71,7 @@ fn online(parameters: &SceneParameters) -> OnlinePredictor {
 }
 
 /// 60 states of a human who turns occasionally, each with a plan of a turning robot. In the human's
-/// frame, the robot starts up to `spread` m beyond `robot`, on either side.
+/// frame, the robot starts up to `spread` m further ahead than `robot`, to the left or right.
 fn rounds(parameters: &SceneParameters, robot: Pose, spread: f64) -> Vec<(JointState, Plan)> {
     let limits = PlanLimits::new(3.0, 2.0);
     let mut human = Pose::new(0.0, 0.0, 0.4);
@@ -93,8 +93,8 @@ fn rounds(parameters: &SceneParameters, robot: Pose, spread: f64) -> Vec<(JointS
     rounds
 }
 
-/// Prints the slowest of many cycles near the human, and how many of them are close to the largest
-/// set and how many are clear of it.
+/// Prints the time of the slowest of many cycles near the human, and the numbers of cycles whose
+/// plan is close to the largest set or clear of it.
 #[allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
 fn slowest(online: &mut OnlinePredictor, rounds: &[(JointState, Plan)], footprint: &Footprint) {
     let mut took: Vec<f64> = Vec::new();

@@ -94,7 +94,8 @@ fn slowest_of(class: &Class, sets: u64, seed: u64) -> [Slowest; 7] {
         let set = ReachableSet::new(start, &bounds, class.speed_mps, class.step_s);
         let set = set.expect("a start, bounds and a vehicle that are accepted");
         let steps = set.steps();
-        // Two thirds of the sets use 5 mm, and the others a random accuracy from 1 mm to 5 cm.
+        // Two thirds of the sets use an accuracy of 5 mm, and the others a random accuracy from 1
+        // mm to 5 cm.
         let accuracy_m = 1e-3 * if rng.below(3) == 0 { exp(rng.uniform(0.0, 4.0)) } else { 5.0 };
         let settings = PolygonSettings::new(accuracy_m, 2).expect("an accuracy");
         let shares = [0; 3].map(|_| rng.uniform(-1.0, 1.0));

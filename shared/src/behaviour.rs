@@ -9,7 +9,8 @@ use crate::vehicle::TurnInput;
 use crate::vehicle::dubins::relative_state;
 use serde::Serialize;
 
-/// Number of consecutive parts of a participant's tasks, to show how behaviour changes.
+/// Number of consecutive parts into which a participant's tasks are divided, to show how behaviour
+/// changes.
 pub const PARTS: usize = 5;
 
 /// Confidence level of intervals.
@@ -76,20 +77,20 @@ pub struct BehaviourSummary {
     pub tasks: usize,
     /// Number of tasks in which the human was in the danger zone.
     pub in_danger: usize,
-    /// Mean over the tasks of the smallest distance (m).
+    /// Smallest distance in a task (m), averaged over the tasks.
     pub closest_m: f64,
     /// Smallest distance in any of the tasks (m).
     pub least_m: f64,
     /// Number of tasks in which the human turned at all.
     pub steered: usize,
-    /// Of these, the number in which the first turn was to the left.
+    /// Number of tasks in which the first turn was to the left.
     pub to_left: usize,
     /// Number of tasks in which the robot was to the left of the human when the vehicles were
     /// closest.
     pub robot_on_left: usize,
     /// Mean time of the first turn (s), over the tasks with a turn.
     pub onset_s: Option<f64>,
-    /// Mean distance between the vehicles at these first turns (m).
+    /// Mean distance between the vehicles at the first turn (m), over the tasks with a turn.
     pub onset_distance_m: Option<f64>,
     /// Mean share of steps in which the human turned, from 0 to 1.
     pub turning: f64,
@@ -144,11 +145,11 @@ pub struct Behaviour {
     pub people: Vec<PersonBehaviour>,
     /// Summary of all participants' tasks; `None` if there are no tasks.
     pub all: Option<BehaviourSummary>,
-    /// Share of all tasks in which the human was in the danger zone, with a 95 % interval that
-    /// counts the tasks of one participant as a single observation.
+    /// Share of all tasks in which the human was in the danger zone, with a 95 % confidence interval
+    /// that counts the tasks of one participant as a single observation.
     pub danger: Estimate,
-    /// Mean over participants of their share of tasks in the danger zone, with a 95 % interval for
-    /// the population.
+    /// Each participant's share of tasks in the danger zone, averaged over the participants, with a
+    /// 95 % confidence interval for the population mean.
     pub danger_of_people: Estimate,
 }
 
@@ -185,8 +186,8 @@ impl Behaviour {
         Self { danger, danger_of_people, all: BehaviourSummary::of(&tasks), people }
     }
 
-    /// For each of the [`PARTS`] parts of the tasks, returns the numbers that `value` returns for
-    /// the participants, and their mean (0 if there are no numbers).
+    /// For each of the [`PARTS`] parts of the tasks, returns the participants' values according to
+    /// `value`, and the mean of these values (0 if there are none).
     pub fn by_part(
         &self,
         value: impl Fn(&BehaviourSummary) -> Option<f64>,

@@ -17,7 +17,7 @@ fn is_usable(feature: f64) -> bool {
     (-LARGEST_FEATURE..=LARGEST_FEATURE).contains(&feature)
 }
 
-/// One row per step: the features of the state before the step, and the input held in it.
+/// One row per step: the features of the state before the step, and the step's input as the label.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dataset {
     /// The columns.
@@ -26,8 +26,8 @@ pub struct Dataset {
     pub values: Vec<f64>,
     /// The label of each row.
     pub labels: Vec<TurnInput>,
-    /// The index of each row's trial, from 0. Rows of one trial must never be split between training and
-    /// testing.
+    /// The index of each row's trial, from 0. The rows of one trial must never be split between
+    /// training and test data.
     pub trials: Vec<usize>,
 }
 
@@ -138,16 +138,16 @@ pub struct GivenRow {
 /// Features that were computed elsewhere and replace the features computed here.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GivenFeatures {
-    /// The features of each row.
+    /// The features, in the order of the values in each row.
     pub features: FeatureSet,
     /// The row of each step.
     pub rows: HashMap<StepKey, GivenRow>,
-    /// The first invalid row of each participant who has one.
+    /// The first invalid row of each participant who has an invalid row.
     pub faults: HashMap<String, Fault>,
 }
 
 impl GivenFeatures {
-    /// Overwrites these features in `data`, which contains the rows of `participant`.
+    /// Overwrites the columns of these features in `data`, which contains the rows of `participant`.
     ///
     /// # Errors
     /// [`Fault`] for the participant's first invalid row, for a step without a row, or for a row

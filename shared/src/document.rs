@@ -1,7 +1,7 @@
-//! Deserializes documents (JSON, TOML, queries) into typed values. A document that does not fit
-//! yields an [`Invalid`] with the field, the expected value and the value found. This error is
-//! built from the parts of Serde's errors, so no code parses a parser's messages, except for
-//! numbers that are too large.
+//! Deserializes documents (JSON, TOML, queries) into typed values. If a document does not match the
+//! type, the error is an [`Invalid`]: the field, what was expected and what was found. It is built
+//! from the parts of Serde's errors, not from their messages. Only numbers that are too large are
+//! detected by the parser's message.
 
 mod nearest;
 
@@ -19,7 +19,7 @@ use serde_json::Value;
 /// Why a text could not be parsed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Unread {
-    /// The text is not JSON. This is the parser's message, with line and column.
+    /// The text is not JSON. Contains the parser's message, with line and column.
     #[error("{0}")]
     NotJson(String),
     /// The text is JSON, but does not match the type.
@@ -41,8 +41,8 @@ pub fn is_too_deep(text: &str) -> bool {
 /// Parses one JSON value of type `T`. The text must have nothing after it.
 ///
 /// # Errors
-/// [`Unread`]. The whole text is first checked for JSON syntax, so the error for a malformed text
-/// does not depend on the order of its faults.
+/// [`Unread`]. A syntax error anywhere in the text takes precedence over a value that does not match
+/// the type.
 pub fn from_json<T: DeserializeOwned>(text: &str) -> Result<T, Unread> {
     if is_too_deep(text) {
         return Err(Unread::NotJson(format!("nested more than {DEEPEST} deep")));
@@ -64,7 +64,7 @@ pub fn from_json<T: DeserializeOwned>(text: &str) -> Result<T, Unread> {
     })?;
     match from_value::<T>(&value) {
         Err(invalid) => Err(invalid.into()),
-        // The text has a duplicate field, which the parsed value cannot show.
+        // The text has a duplicate field. The parsed value has each field only once.
         Ok(_) => Err(Invalid::new("", "each field once", error).into()),
     }
 }
@@ -173,7 +173,7 @@ impl<'de> Deserializer<'de> for Node<'de> {
         visitor.visit_newtype_struct(self)
     }
 
-    /// Accepts a variant's name, or an object whose only field is the name.
+    /// Accepts a variant's name, or an object whose only field has that name.
     fn deserialize_enum<V: Visitor<'de>>(
         self,
         _: &'static str,
@@ -238,7 +238,7 @@ impl serde::de::Error for Misfit {
         Self(Invalid::new("", one_of(expected), format!("{variant:?}")))
     }
 
-    /// Leaves the field empty, because the path already ends with it.
+    /// Leaves [`Invalid::field`] empty, because the path that is added later ends with this field.
     fn unknown_field(field: &str, expected: &'static [&'static str]) -> Self {
         let meant = did_you_mean(field, expected.iter().copied());
         let expected = format!("one of the fields {}", one_of(expected));

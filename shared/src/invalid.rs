@@ -2,8 +2,8 @@
 
 use core::fmt;
 
-/// A rejected value, with its field, the expected value and the value found. Every parser of this
-/// crate returns this error, so that HTTP, the command line and files report all three parts.
+/// A rejected value: its field, what was expected and what was found. Every parser of this crate
+/// returns this error, so that errors in requests, arguments and files name all three parts.
 ///
 /// The format `{:#}` separates the parts by [`SEPARATOR`], so that a caller can recover them from
 /// an error that contains only text, such as Serde's error.
@@ -53,7 +53,8 @@ impl Invalid {
     }
 }
 
-/// Longer names and values are truncated, because those in a file may have any length.
+/// Maximum number of characters of a field or a value. Longer texts, which a file may contain, are
+/// truncated.
 const MOST_SIGNS: usize = 400;
 
 /// Truncates a long text.
@@ -65,11 +66,12 @@ fn short(mut text: String) -> String {
     text
 }
 
-/// Longer numbers are shortened. An f64 has at most 17 significant digits, besides a sign, a
-/// decimal point and some zeros.
+/// Maximum number of characters of a number in plain notation. They suffice for the 17 significant
+/// digits of an f64, a sign, a decimal point and some zeros.
 const MOST_DIGITS: usize = 24;
 
-/// Writes a number with hundreds of digits in the form 1e300. Returns any other text unchanged.
+/// Writes a number of more than [`MOST_DIGITS`] characters in scientific notation, such as 1e300.
+/// Returns any other text unchanged.
 fn brief(found: String) -> String {
     if found.len() <= MOST_DIGITS {
         return found;
@@ -109,23 +111,23 @@ pub fn all_finite(field: &str, values: &[f64]) -> Result<(), Invalid> {
     wrong.map_or(Ok(()), |i| finite(&format!("{field}[{i}]"), values[i]).map(|_| ()))
 }
 
-/// Upper bound on the absolute value of a number in a model. Sums of products of three such numbers
-/// stay finite.
+/// Upper bound on the absolute value of a number in a model. It prevents overflow in sums of
+/// products of three such numbers.
 const MOST_OF_MODEL: f64 = 1e100;
 
-/// Accepts a number of a model that is small enough for its products to stay finite.
+/// Accepts a number of a model whose magnitude is small enough that products do not overflow.
 ///
 /// # Errors
 /// [`Invalid`] for a number beyond ±10¹⁰⁰, and for NaN.
 pub fn moderate(field: &str, value: f64) -> Result<(), Invalid> {
-    // NaN is in no range.
+    // No range contains NaN.
     if (-MOST_OF_MODEL..=MOST_OF_MODEL).contains(&value) {
         return Ok(());
     }
     Err(Invalid::new(field, "a number from -1e100 to 1e100", value))
 }
 
-/// Accepts a list of numbers that [`moderate`] accepts.
+/// Accepts a list if [`moderate`] accepts each of its numbers.
 ///
 /// # Errors
 /// [`Invalid`] naming the first number that [`moderate`] rejects.
@@ -136,10 +138,10 @@ pub fn all_moderate(field: &str, values: &[f64]) -> Result<(), Invalid> {
     })
 }
 
-/// Accepts a divisor of a model that is large enough for its quotients to stay finite.
+/// Accepts a divisor of a model that is large enough that quotients do not overflow.
 ///
 /// # Errors
-/// [`Invalid`] for a number that is not from 10⁻¹⁰⁰ to 10¹⁰⁰.
+/// [`Invalid`] for a number outside [10⁻¹⁰⁰, 10¹⁰⁰], and for NaN.
 pub fn moderate_divisor(field: &str, value: f64) -> Result<(), Invalid> {
     if (MOST_OF_MODEL.recip()..=MOST_OF_MODEL).contains(&value) {
         return Ok(());

@@ -1,5 +1,5 @@
-//! The library behind Sidestep. The participant's browser simulates trials, the server replays them
-//! and analyses evaluate them with the same code.
+//! The library behind Sidestep. The same code simulates trials in the participant's browser, replays
+//! them on the server and evaluates them in analyses.
 //!
 //! # Where to begin
 //! | task | type or function | example |
@@ -28,7 +28,7 @@
 //! | feature | adds |
 //! |---|---|
 //! | none | everything that runs on a robot: games and their values, predictors, reachable sets, tuning, plans |
-//! | `learn` | trials, recordings of them, and training of predictors |
+//! | `learn` | trials, their recordings, and the training of predictors |
 //! | `study` (default) | experiments with people: studies, synthetic participants, the paper's comparison, replays, charts and the server's wire types; includes `learn` |
 //! | `openapi` | JSON schemas of the wire types; includes `study` |
 //!
@@ -38,8 +38,8 @@
 //! # Conventions
 //! All quantities are in SI units and radians. World frame: x to the right, y up, heading
 //! counter-clockwise from +x and wrapped to (−π, π]. A *relative state* is the pursuer's pose in
-//! the evader's frame (x ahead, y to the left). A turn to the left is positive. Time steps are
-//! integers; seconds appear only in interfaces.
+//! the evader's frame (x ahead, y to the left). A turn to the left is positive. Time is counted in
+//! integer steps; only interfaces use seconds.
 //!
 //! # Glossary
 //! Code, files and documents use one word for each idea. Names of types begin with a capital
@@ -47,13 +47,13 @@
 //!
 //! | word | meaning |
 //! |---|---|
-//! | human, robot | the two vehicles; the human avoids, the robot drives straight to its goal |
+//! | human, robot | the two vehicles; the human avoids the robot, which drives straight to its goal |
 //! | VehicleModel | speed and largest turn rate of a vehicle, a Dubins car |
 //! | Pose | position and heading of a vehicle |
 //! | JointState | the poses of human and robot at one instant |
 //! | TurnInput | the held key: Right −ω, Straight 0, Left +ω |
 //! | Scene | start poses of both vehicles, and the robot's goal |
-//! | Step | 0.2 s with one held input |
+//! | Step | a time step of 0.2 s, in which one input is held |
 //! | Trial | a driven scene: its inputs and joint states |
 //! | Phase | familiarisation, practice or task; only tasks are analysed |
 //! | Participant | a person, or a synthetic participant, who drives |
@@ -65,11 +65,11 @@
 //! | danger zone | the disc of radius R_c around the robot |
 //! | PursuitGame | an evader, a pursuer and a radius; the evader maximises the least distance, the pursuer minimises it |
 //! | ValueFunction | V of a game: the least distance under optimal play, minus the radius (m) |
-//! | SafetyLevels | V_HR (the human evades) and V_RH (the robot evades); at ≤ 0 m the other vehicle can force a collision |
+//! | SafetyLevels | V_HR (the human evades) and V_RH (the robot evades); if a level is ≤ 0 m, the other vehicle can force a collision |
 //! | level set | the curve on which V has a given value |
 //! | row | one step of a trial, as features and a label |
 //! | feature | a number computed from the joint states so far; a predictor's input |
-//! | label, class | the input of a step, as the number that a predictor learns |
+//! | label, class | the input of a step, as the number that a predictor learns to predict |
 //! | experiment | 1 predicts the turn direction, 2 predicts avoidance (whether the human turns at all) |
 //! | Predictor | a trained model with its features: a probability for each class |
 //! | cell | one model of one participant, on one feature set in one experiment, with its accuracy |
@@ -77,7 +77,7 @@
 //! | InputBounds | lowest and highest turn rate of each coming step (Algorithm 1) |
 //! | extremal | a path whose end is on the boundary of a reachable set (Pontryagin's principle) |
 //! | switching time | the time at which the turn rate of an extremal changes from one bound to the other |
-//! | front, rear | the parts of the boundary that are reached by the paths that get farthest (front) or least far (rear) |
+//! | front, rear | the two parts of the boundary: paths that get farthest end on the front, paths that get least far on the rear |
 //! | ReachableSet | every state that is reachable under input bounds |
 //! | tube | every position that is reachable at any instant of the steps ahead |
 //! | SHFRS | stochastic human forward reachable sets: nested reachable sets with probabilities |
@@ -87,7 +87,7 @@
 //! | coverage | the share of windows whose trajectory a set contains |
 //! | Plan | the robot's planned poses, step by step |
 //! | footprint | the ground that the robot covers |
-//! | clearance | the distance between footprint and human at the same instant, over all drives in a set |
+//! | clearance | the smallest distance between footprint and human at the same instant, over all drives in a set |
 //!
 //! # Example
 //! A human turns left or drives straight on, each with probability ½. Where can this human be within

@@ -26,7 +26,7 @@ pub fn wrap_angle(angle: f64) -> f64 {
     if wrapped <= -PI { wrapped + TAU } else { wrapped.min(PI) }
 }
 
-/// The same angle in [0, 2π); NaN if it is not finite.
+/// The same angle in [0, 2π); NaN if `angle` is not finite.
 #[must_use]
 pub fn wrap_positive(angle: f64) -> f64 {
     if (0.0..TAU).contains(&angle) {
@@ -61,7 +61,7 @@ pub fn power_of_two_near(value: f64) -> f64 {
 #[must_use]
 pub fn sinc(x: f64) -> f64 {
     if x.abs() < 1e-2 {
-        // Taylor series. The next term is below 3·10⁻²² of the result here.
+        // Taylor series. For |x| < 0.01, the next term is below 3·10⁻²² of the result.
         let x2 = x * x;
         1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0))
     } else {

@@ -102,7 +102,7 @@ pub(crate) trait Kernel {
     fn run(self);
 }
 
-/// The width of the SIMD lanes of a solve. No bit of a result depends on it.
+/// The SIMD width of a solve. Results are bit-identical for every width.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Lanes {

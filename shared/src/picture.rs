@@ -42,7 +42,7 @@ pub enum Shape {
     },
     /// A vehicle: an arrow whose tail marks the exact position.
     Vehicle {
-        /// Mark at its exact position, so that vehicles differ not only by colour.
+        /// Mark at its exact position. Vehicles differ in this mark and not only in colour.
         tail: Tail,
         /// Its position and heading.
         pose: Pose,
@@ -143,7 +143,7 @@ impl Camera {
     }
 }
 
-/// A canvas and its shapes. One picture serves all frames and reuses its buffers.
+/// A canvas and its shapes. All frames use the same picture, which reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub struct Picture {
     /// The canvas element's id.
@@ -158,7 +158,7 @@ pub struct Picture {
     pub attributes: Vec<(&'static str, String)>,
 }
 
-/// Compares points by their bits, so that the NaN points that lift the pen are equal.
+/// Compares points bit by bit, so that NaN points, which lift the pen, compare equal.
 impl PartialEq for Picture {
     fn eq(&self, other: &Self) -> bool {
         let same_points = self.points.len() == other.points.len()
@@ -220,7 +220,7 @@ impl Picture {
         self.path(corners, true, fill, pen);
     }
 
-    /// Adds an open line.
+    /// Adds an open polyline.
     pub fn polyline(&mut self, points: impl IntoIterator<Item = [f64; 2]>, pen: Pen) {
         self.path(points, false, None, Some(pen));
     }

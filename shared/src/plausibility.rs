@@ -1,10 +1,10 @@
-//! Checks whether the vehicles of a scene can have driven the recorded states, and whether the
+//! Checks whether the vehicles of a scene could have driven the recorded states, and whether the
 //! recorded inputs explain the human's turns.
 //!
-//! Files from other programs need not replay bit for bit: keys may be sampled more than once per
-//! step, and numbers may be rounded. Therefore the conditions here are only necessary: every drive
-//! at constant speed within the vehicle's turn rate meets them, even after rounding to three
-//! decimals.
+//! Files from other programs may not replay bit for bit, because keys may have been sampled more
+//! than once per step, and numbers may be rounded. Therefore the checks test only necessary
+//! conditions. Every drive at constant speed within the vehicle's turn rate passes them, even after
+//! rounding to three decimals.
 
 #[cfg(feature = "study")]
 mod recorded;
@@ -23,12 +23,12 @@ const ROUNDING: f64 = 5e-4 + 1e-6;
 /// Largest error of the distance between two rounded positions (m).
 const DISTANCE_ROUNDING: f64 = 2.0 * core::f64::consts::SQRT_2 * ROUNDING;
 
-/// Checks that the human's vehicle of `parameters` can have driven `states`, and that it turned at
+/// Checks that the human's vehicle of `parameters` could have driven `states`, and that it turned at
 /// `turn_rates[i]` (rad/s) in step i. There is one more state than turn rates. The robot's motion
 /// is not checked.
 ///
 /// # Errors
-/// [`Invalid`] for the first step that the human cannot have driven, or whose turn rate does not
+/// [`Invalid`] for the first step that the human could not have driven, or whose turn rate does not
 /// match the headings.
 pub fn check_drive(
     parameters: &SceneParameters,
@@ -50,7 +50,7 @@ pub fn check_drive(
             let expected = format!("{rate:.4} rad/s, by which the human turns in this step");
             return Err(Invalid::new(format!("turn_rates[{step}]"), expected, held));
         }
-        // Headings cannot reveal a turn of more than half a circle per step.
+        // The comparison of wrapped angles cannot detect an error of a full turn per step.
         if held.abs() > most * (1.0 + 1e-9) + 2.0 * ROUNDING / parameters.step_s {
             let expected = format!("a turn rate of at most {most} rad/s to either side");
             return Err(Invalid::new(format!("turn_rates[{step}]"), expected, held));
@@ -59,8 +59,8 @@ pub fn check_drive(
     Ok(())
 }
 
-/// Checks that the human's vehicle of `parameters` can have driven one step, to within a millimetre
-/// and a milliradian, as [`check_drive`] does.
+/// Checks that the human's vehicle of `parameters` could have driven one step. Like
+/// [`check_drive`], tolerates errors of about a millimetre and a milliradian.
 ///
 /// # Errors
 /// [`Invalid`] naming the invalid fields among x, y and psi.
@@ -68,14 +68,14 @@ pub fn check_step(parameters: &SceneParameters, from: Pose, to: Pose) -> Result<
     StepLimits::of(parameters.human, parameters.step_s).check(from, to)
 }
 
-/// Why the human's vehicle cannot have driven a step; see [`departure`]. Its `Display` states the measured value and
-/// the vehicle's limit.
+/// Why the human's vehicle could not have driven a step; see [`departure`]. `Display` writes the
+/// measured value and the vehicle's limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Departure {
     /// The human moved at another speed, or stood still.
     Speed {
-        /// The distance between the two positions divided by the step length (m/s).
+        /// The distance between the two positions divided by the step duration (m/s).
         measured_mps: f64,
         /// The speed of the vehicle (m/s).
         vehicle_mps: f64,
@@ -86,12 +86,12 @@ pub enum Departure {
         psi_rad: f64,
         /// The direction of the motion (rad).
         direction_rad: f64,
-        /// Whether both headings fit if they are read as degrees.
+        /// Whether both headings fit if they are interpreted as degrees.
         in_degrees: bool,
     },
     /// The human turned faster than the vehicle can.
     Turn {
-        /// The turn divided by the step length (rad/s).
+        /// The change of heading divided by the step duration (rad/s).
         measured_radps: f64,
         /// The largest turn rate of the vehicle (rad/s).
         vehicle_radps: f64,
@@ -123,8 +123,8 @@ impl core::fmt::Display for Departure {
     }
 }
 
-/// Why the human's vehicle of `parameters` cannot have driven a step. Returns `None` if it can, to
-/// within a millimetre and a milliradian, as for [`check_step`]. Does not allocate.
+/// Returns why the human's vehicle of `parameters` could not have driven a step, or `None` if it
+/// could. Has the same tolerances as [`check_step`]. Does not allocate.
 #[must_use]
 pub fn departure(parameters: &SceneParameters, from: Pose, to: Pose) -> Option<Departure> {
     let vehicle = parameters.human;
@@ -185,15 +185,15 @@ impl StepLimits {
     fn fault(&self, from: Pose, to: Pose) -> Option<Fault> {
         let half = 0.5 * self.turn_rad;
         let moved = hypot(to.x - from.x, to.y - from.y);
-        // For turns of up to a full circle, the tightest circle has the shortest chord of all paths
-        // of this length.
+        // If the vehicle turns by at most a full circle per step, the tightest arc has the shortest
+        // chord of all paths of this length.
         let chord = if half < PI { self.way_m * sinc(half) } else { 0.0 };
         if moved < chord - DISTANCE_ROUNDING || moved > self.way_m + DISTANCE_ROUNDING {
             return Some(Fault::Way { moved });
         }
         let turned = wrap_angle(to.psi - from.psi).abs();
-        // For turns of up to a sixth of a circle, the tightest circle deviates most from the
-        // headings.
+        // If the vehicle turns by at most a sixth of a circle per step, the direction of motion
+        // deviates most from the headings on the tightest arc.
         let most = half + ROUNDING + asin((DISTANCE_ROUNDING / moved).min(1.0));
         let direction = atan2(to.y - from.y, to.x - from.x);
         let leads = |psi: f64| wrap_angle(direction - psi).abs() <= most;
@@ -207,12 +207,12 @@ impl StepLimits {
     }
 }
 
-/// Why a vehicle cannot have driven a step.
+/// Why a vehicle could not have driven a step.
 enum Fault {
     /// The distance between the positions (m).
     Way { moved: f64 },
-    /// A heading and the direction of the motion (rad), and whether both headings fit if read as
-    /// degrees.
+    /// A heading and the direction of the motion (rad), and whether both headings fit if they are
+    /// interpreted as degrees.
     Heading { psi: f64, direction: f64, in_degrees: bool },
     /// The change of the heading (rad).
     Turn { turned: f64 },
@@ -223,7 +223,7 @@ mod tests {
     use super::*;
     use crate::math::SeededRng;
 
-    /// A human who turns at these rates, and a robot that jumps.
+    /// The states of a human who turns at these rates, and of a robot that jumps.
     fn driven(parameters: &SceneParameters, rates: &[f64]) -> Vec<JointState> {
         let mut human = Pose::new(1.0, -2.0, 0.7);
         let mut states = vec![JointState { human, robot: Pose::new(9.0, 0.0, 3.0) }];
@@ -281,7 +281,7 @@ mod tests {
         }
     }
 
-    /// A departure exists exactly where the check fails, and states the measured value.
+    /// [`departure`] returns a reason exactly if [`check_step`] fails.
     #[test]
     fn a_departure_is_what_the_check_refuses() {
         let (parameters, mut rng) = (SceneParameters::default(), SeededRng::new(5));

@@ -1,11 +1,11 @@
-//! The two number types in which a grid can be solved.
+//! The two floating-point types that a solve on a grid can use.
 
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
-/// f32 or f64, with the operations that the kernels need. All operations are correctly rounded IEEE
-/// operations, and none is fused with another, so every lane width, thread count and machine gives
-/// the same bits.
+/// f32 or f64, with the operations that the kernels need. Every operation is a correctly rounded
+/// IEEE operation, and no two are fused. Results are therefore bit-identical for every lane width,
+/// thread count and machine.
 pub trait Real:
     Copy
     + PartialOrd
@@ -31,9 +31,9 @@ pub trait Real:
     /// |self|.
     #[must_use]
     fn abs(self) -> Self;
-    /// The largest power of two that is at most `self` ≥ 0, and its reciprocal. Products with the
-    /// two have no rounding error. Below the smallest normal number, the power is 0; a reciprocal
-    /// that would be below this number is 0.
+    /// Returns the largest power of two ≤ `self`, and its reciprocal, for `self` ≥ 0. Multiplication
+    /// by either number has no rounding error. If either number would be below the smallest normal
+    /// number, 0 takes its place.
     #[must_use]
     fn power_of_two(self) -> [Self; 2];
     /// The larger of the two numbers. This is a plain comparison, which is one instruction in any
@@ -71,8 +71,8 @@ macro_rules! real {
             }
             #[inline(always)]
             fn power_of_two(self) -> [Self; 2] {
-                // Only the bits of the exponent. For a number and its reciprocal, they add up to
-                // twice those of 1.
+                // Keep only the exponent bits. The exponent bits of a power of two and of its
+                // reciprocal add up to twice the exponent bits of 1.
                 let power = self.to_bits() & <$type>::INFINITY.to_bits();
                 let reciprocal = (2 * <$type>::to_bits(1.0)).wrapping_sub(power);
                 [power, reciprocal].map(<$type>::from_bits)

@@ -27,7 +27,7 @@ pub struct Recording {
 pub struct Provenance {
     /// The file or study.
     pub origin: Origin,
-    /// How the trials, or some of them, are known to be synthetic; `None` for trials of people.
+    /// The evidence that all or some trials are synthetic; `None` for trials of people.
     pub synthetic: Option<String>,
     /// Whether only some of the trials are known to be synthetic.
     pub is_mixed: bool,
@@ -56,9 +56,9 @@ impl fmt::Display for Origin {
 pub struct RecordedParticipant {
     /// The participant's name or number in the data.
     pub name: String,
-    /// The line of the participant's first row, in a file.
+    /// The line of the participant's first row, if the source is a file.
     pub line: Option<u64>,
-    /// The trials, in the order of phases, then of numbers.
+    /// The trials, sorted by phase and then by number.
     pub trials: Vec<RecordedTrial>,
     /// Whether the data say that the participant is synthetic.
     pub marked_synthetic: bool,
@@ -67,11 +67,11 @@ pub struct RecordedParticipant {
 /// One driven scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedTrial {
-    /// The line of the trial's first row, in a file.
+    /// The line of the trial's first row, if the source is a file.
     pub line: Option<u64>,
     /// The trial's number, unique within the participant.
     pub number: u64,
-    /// The phase of the study that it belongs to.
+    /// The phase of the study that the trial belongs to.
     pub phase: Phase,
     /// Attempt number: 1, or 2 if the scene was driven again because its first trial was
     /// interrupted.
@@ -136,7 +136,7 @@ pub fn flagged<'a>(
 /// A fault in a participant's data.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// The invalid line, in a file.
+    /// The invalid line, if the source is a file.
     pub line: Option<u64>,
     /// The field, the expected value and the value found.
     pub what: Invalid,
@@ -159,9 +159,9 @@ pub struct Exclusion {
     /// The invalid line of the file, if there is a single one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub line: Option<u64>,
-    /// The line of the participant's first row, if all their rows together are the reason. It
-    /// depends on the order of the rows, which must not change the files of an analysis. Therefore
-    /// only messages contain it.
+    /// The line of the participant's first row, if all of the participant's rows together are the
+    /// reason. Only messages contain this line, because it depends on the order of the rows, which
+    /// must not change the output files of an analysis.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_line: Option<u64>,
 }

@@ -11,7 +11,7 @@ use crate::scene::{Evader, JointState, SceneParameters};
 use core::ops::ControlFlow;
 
 /// The value function of `game`: the closed form if there is one, otherwise a numerical solution.
-/// Server and browser use the same settings, so both obtain the same bytes.
+/// Server and browser use the same settings, so they compute the same bytes.
 ///
 /// # Errors
 /// [`SolveError`] if the game cannot be solved, or if `progress` cancels the solve.
@@ -35,7 +35,7 @@ pub struct SafetyLevels {
 }
 
 impl SafetyLevels {
-    /// Solves both games of these vehicles, or only one game if both are equal.
+    /// Solves both games of these vehicles, or only one game if the two games are equal.
     ///
     /// # Errors
     /// The errors of [`value_function`].

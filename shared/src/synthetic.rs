@@ -5,8 +5,8 @@
 //! leaky accumulator (after Markkula 2014) integrates three drives from studies of walking people:
 //! minimum predicted distance (Olivier et al. 2012), constancy of bearing (Cutting, Vishton and
 //! Braren 1995; Ondřej et al. 2010) and a repeller of distance and angle (Fajen and Warren 2003).
-//! The model never sees a safety level. Each person's parameters are a modelling choice, not a
-//! measurement, so results on these drives say nothing about people.
+//! The model does not use safety levels. Each person's parameters are a modelling choice, not a
+//! measurement, so results on synthetic trials say nothing about people.
 
 mod stream;
 mod person;
@@ -28,11 +28,11 @@ use stream::Stream;
 /// When the vehicle responds to the keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Keys {
-    /// Immediately. Keys change within steps, so the states cannot be replayed from one input per
-    /// step. Headings are not wrapped.
+    /// Immediately. Keys may change within steps, so the states cannot be replayed from one input
+    /// per step. Headings are not wrapped.
     Free,
-    /// At the start of each step, as in the study: the states are exactly those of
-    /// [`JointState::advance`].
+    /// At the start of each step, as in the study. The states are exactly those that
+    /// [`JointState::advance`] computes.
     Clock,
 }
 
@@ -52,20 +52,20 @@ pub struct SyntheticDrive {
     pub inputs: Vec<TurnInput>,
     /// The states before each step and after the last step.
     pub states: Vec<JointState>,
-    /// When each input was sampled: the start of its step (ms after the scene's start).
+    /// When each input was sampled, which is at the start of its step (ms after the scene's start).
     pub sampled_at_ms: Vec<f64>,
     /// Every key change, in chronological order. No key is held before the first change.
     pub key_changes: Vec<KeyChange>,
 }
 
-/// Interval between updates of perception and decision (s). It is rounded so that it divides a step
-/// evenly.
+/// Interval between updates of perception and decision (s). The interval in use is rounded so that
+/// it divides a step evenly.
 const TICK_S: f64 = 0.05;
 
 /// Maximum number of ticks in a step. Steps longer than 50 s have longer ticks.
 const MAX_TICKS: f64 = 1000.0;
 
-/// One person of a seed's population.
+/// One person of the population that a seed generates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SyntheticParticipant {
     seed: u64,
@@ -82,9 +82,8 @@ impl SyntheticParticipant {
         Self { seed, number, person: Person::draw(&mut Stream::of_person(seed, number)) }
     }
 
-    /// Draws the scene of trial `trial` (from 0) of the paper's study in the same way as the
-    /// reference, and drives it. With [`Keys::Free`] and seed 20180918, the result is the
-    /// reference's drive.
+    /// Draws the scene of trial `trial` (from 0) of the paper's study as the reference does, and
+    /// drives it. With [`Keys::Free`] and seed 20180918, the result is the reference's drive.
     #[must_use]
     pub fn own_trial(&self, trial: u64, keys: Keys) -> (Scene, SyntheticDrive) {
         let parameters = SceneParameters::default();
@@ -98,7 +97,7 @@ impl SyntheticParticipant {
         (encounter::draw(parameters, &mut stream), stream)
     }
 
-    /// The first `tasks` trials of the paper's study ([`Self::own_trial`]), as in a recording.
+    /// The first `tasks` trials of the paper's study ([`Self::own_trial`]), as part of a recording.
     #[must_use]
     pub fn recorded(&self, tasks: u64, keys: Keys) -> RecordedParticipant {
         let parameters = SceneParameters::default();
@@ -126,7 +125,7 @@ impl SyntheticParticipant {
         }
     }
 
-    /// Drives a given scene as trial `trial` of this person.
+    /// Drives a given scene with the random numbers of this person's trial `trial`.
     #[must_use]
     pub fn drive(
         &self,
@@ -180,8 +179,8 @@ impl SyntheticParticipant {
                 };
             }
             if keys == Keys::Clock {
-                // Advances the whole step at once, because the sum of its ticks may differ in the
-                // last digit.
+                // Advances the whole step at once, because the sum of its ticks may differ from
+                // `step_s` in the last digit.
                 state = begin.advance(parameters, held, parameters.step_s);
             }
             drive.inputs.push(held);

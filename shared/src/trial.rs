@@ -132,9 +132,9 @@ pub fn outcome(
     states: &[JointState],
 ) -> Outcome {
     let start_m = states.first().map_or(f64::INFINITY, JointState::distance_m);
-    // The smallest distance at a state is `least_m`, and a step can reduce the distance by at most
-    // `nearer_m`. Steps that begin farther away than the sum, which are most of a trial, cannot
-    // contain the minimum.
+    // Skip steps that begin farther away than `far_m`, which are most steps of a trial. A step can
+    // reduce the distance by at most `nearer_m`, so such a step can neither contain the minimum nor
+    // enter the danger zone.
     let within = || states.iter().zip(inputs);
     let far_m = if cfg!(target_arch = "wasm32") {
         // The client computes few outcomes, and code size matters more there.
@@ -161,7 +161,7 @@ pub fn outcome(
     Outcome { closest_m, first_step_in_danger, avoidance }
 }
 
-/// A trial with an input sampled later than this (ms) is marked as interrupted.
+/// If an input was sampled more than this late (ms), the trial is flagged as interrupted.
 pub const INTERRUPTED_MS: f64 = 100.0;
 
 /// A median frame rate below this is flagged (Hz).
@@ -236,9 +236,9 @@ pub fn page_flags(
     .collect()
 }
 
-/// Largest difference between the time at which an input was sampled and its due time that is not
-/// flagged (ms). Both times are relative to the scene's start if the page recorded it, otherwise to
-/// the first sample.
+/// If the time at which an input was sampled differs from its due time by more than this (ms), the
+/// trial is flagged. Both times are relative to the scene's start if the page recorded it, otherwise
+/// to the first sample.
 pub const LATE_SAMPLE_MS: f64 = 50.0;
 
 /// The flags of a trial in the assigned `scene`.

@@ -33,8 +33,8 @@ impl Pose {
         [self.x, self.y]
     }
 
-    /// The largest accepted magnitude of a coordinate (m or rad). Far beyond it, distances
-    /// overflow.
+    /// The largest accepted magnitude of a coordinate (m or rad). Distances between far larger
+    /// coordinates would overflow.
     pub const MOST: f64 = 1e6;
 
     /// Accepts a pose whose three coordinates are at most [`Self::MOST`] in magnitude.

@@ -1,6 +1,6 @@
-//! Algorithm 1, the sets and the picture of a frame allocate nothing after their first runs. The
-//! test counts allocations of the whole process. Therefore it runs without the test harness and its
-//! threads.
+//! After their first runs, Algorithm 1, the reachable sets and the picture of a frame allocate no
+//! memory. The test counts the allocations of the whole process, so it runs without the test
+//! harness and its threads.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
 use core::ops::ControlFlow;
@@ -84,8 +84,8 @@ fn main() {
     }
 }
 
-/// First shows every frame of the trial twice. (The envelope of a rear swaps two lists, so each
-/// list must see the largest frame.) After that, showing all frames again, forward and backward as
+/// First shows every frame of the trial twice, because the rear envelope swaps two lists and each
+/// list must see the largest frame. After that, showing all frames again, forward and backward as
 /// with a slider, allocates nothing.
 fn silent(mut frame: impl FnMut(usize)) {
     (1..=51).chain(1..=51).for_each(&mut frame);

@@ -263,7 +263,7 @@ impl Tab {
         self.page.evaluate_on_new_document(code).await.expect("a script for pages to come");
     }
 
-    /// Slows down the page's programs by this factor.
+    /// Throttles the page's processor by this factor.
     ///
     /// # Panics
     /// If the browser refuses.
@@ -440,7 +440,8 @@ impl Tab {
                     words != shown,
                     "never true: {expression}\nthe page says: {words}\ncomplaints: {complaints:?}"
                 );
-                // The page still makes progress, such as a slow solve on a busy machine.
+                // The page is still making progress, for example with a slow solve on a busy
+                // machine.
                 (since, shown) = (Instant::now(), words);
             }
             tokio::time::sleep(Duration::from_millis(20)).await;

@@ -8,7 +8,7 @@ use sidestep::scene::{Scene, SceneParameters};
 use sidestep::trial::simulate;
 use sidestep::vehicle::TurnInput;
 
-/// An honest upload of a scene that the paper's vehicles drive with these inputs.
+/// An honest upload of a scene, driven by the paper's vehicles with these inputs.
 #[must_use]
 pub fn upload(scene: &Scene, inputs: Vec<TurnInput>) -> TrialUpload {
     upload_with(&SceneParameters::default(), scene, inputs)

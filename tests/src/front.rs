@@ -19,7 +19,7 @@ use tokio_rustls::rustls::pki_types::CertificateDer;
 /// Host name of the servers in the configuration files of `docs/deploy`.
 pub const NAME: &str = "study.example.org";
 
-/// Timeout for the proxy to forward requests.
+/// Timeout until the proxy forwards requests.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// Kind of proxy.
@@ -61,7 +61,8 @@ impl Front {
                 command
             }
             Kind::Haproxy => {
-                // Fewer file descriptors than HAProxy's connections would need, as on many systems.
+                // Allow fewer file descriptors than HAProxy's connections would need, as many
+                // systems do.
                 let mut command = Command::new("sh");
                 command.args(["-c", "ulimit -n 20000 && exec \"$@\"", "sh"]);
                 command.arg(program("haproxy")).args(["-db", "-f", &file]);
@@ -135,7 +136,7 @@ fn adapted(
             put("/var/log/nginx/", &folder.name(""));
             put("listen 80;", &format!("listen 127.0.0.1:{plain};"));
             put("listen 443 ssl", &format!("listen 127.0.0.1:{encrypted} ssl"));
-            // In a folder that the user of the tests can write to.
+            // Temporary files go to folders that the user who runs the tests can write to.
             let folders = ["client_body", "proxy", "fastcgi", "uwsgi", "scgi"];
             let folders = folders.map(|one| format!("{one}_temp_path {};\n", folder.name(one)));
             put("http {\n", &format!("http {{\n{}", folders.concat()));

@@ -201,7 +201,7 @@ fn query(bytes: &[u8]) {
         let _ = settings.set(name, value);
     }
     if let Ok(view) = trial_view::view::View::of_query(pairs()) {
-        // A link contains whole milliseconds, so the links are compared.
+        // A link contains only whole milliseconds, so the test compares links instead of views.
         let written = view.query();
         let again = trial_view::view::View::of_query(split(&written));
         assert_eq!(again.map(|again| again.query()), Ok(written));

@@ -47,9 +47,9 @@ pub struct Recording {
 /// Behaviour of a disk when it is asked to sync.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Disk {
-    /// It answers when everything is written.
+    /// The disk answers when everything is written.
     Honest,
-    /// For SQLite's write-ahead log, it answers at once without writing. This is the negative
+    /// For SQLite's write-ahead log, the disk answers at once without writing. This is the negative
     /// control.
     Lying,
 }

@@ -136,7 +136,7 @@ fn catches(process: u32, signal: &str) -> bool {
 
 /// `sidestep serve` as a process. Dropping it kills the process.
 pub struct Process {
-    /// The lines that it had printed when it was ready.
+    /// The lines that the server printed before it was ready.
     pub announcement: Vec<String>,
     address: Address,
     child: Child,
@@ -162,7 +162,7 @@ impl Process {
         Self::start_through(&["env"], folder, &folder.database("sidestep.db")).await
     }
 
-    /// Like [`Self::start`], but with another database, and started by another program, which runs
+    /// Like [`Self::start`], but with another database, and launched by another program, which runs
     /// its arguments as a command.
     ///
     /// # Panics

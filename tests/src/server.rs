@@ -24,7 +24,7 @@ phases = [
 "#;
 
 /// A study with a robot that turns more slowly than the human, so the games have no closed form.
-/// Human and robot have the same speed, so that neither can be caught from everywhere.
+/// Human and robot have the same speed, so neither can catch the other from every state.
 pub const UNEQUAL_STUDY: &str = r#"
 title = "Unequal"
 phases = [{ phase = "task", scenes = 7 }]
@@ -205,7 +205,7 @@ impl Server {
         stopped.start_with(None, |args| args.replace_study = true).await
     }
 
-    /// The text that it printed when it was ready.
+    /// The text that the server printed when it was ready.
     #[must_use]
     pub fn announcement(&self) -> String {
         self.running.announcement()

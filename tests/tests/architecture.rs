@@ -1,4 +1,5 @@
-//! Forbidden dependencies between packages and modules, and promises of the documents.
+//! Checks for forbidden dependencies between packages and modules, and checks promises of the
+//! documents.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
 #[path = "architecture/source.rs"]

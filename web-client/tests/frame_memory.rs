@@ -24,7 +24,7 @@ struct Screen {
 
 impl Screen {
     fn tell(&mut self, message: Msg) {
-        // The test sends the messages that would be the browser's responses.
+        // The test itself sends the messages with which a browser would respond.
         drop(self.page.update(message, self.now_ms));
     }
 

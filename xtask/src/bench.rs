@@ -1,4 +1,4 @@
-//! `cargo xtask bench`: benchmarks. Each compares with a baseline that is measured in the same run.
+//! `cargo xtask bench`: runs benchmarks. Each is compared with a baseline from the same run.
 
 pub(crate) mod peers;
 mod process;
@@ -94,8 +94,8 @@ fn run_target(workspace: &Workspace, name: &'static str, options: &Options) -> R
 
 /// The arguments of `cargo` for the target `name`.
 fn arguments(name: &'static str, quick: bool) -> Vec<&'static str> {
-    // Criterion's options. Each run has its own baselines, so comparisons with earlier runs mean
-    // little.
+    // Criterion's options. They turn off comparisons with earlier runs, because each run measures
+    // its own baselines.
     let mut arguments = vec!["--bench", name, "--", "--discard-baseline"];
     if quick {
         arguments.push("--quick");
@@ -103,8 +103,8 @@ fn arguments(name: &'static str, quick: bool) -> Vec<&'static str> {
     arguments
 }
 
-/// The benchmark called `name` or, if there is none, those whose names contain it. All benchmarks
-/// without a name.
+/// Returns the benchmark called `name` or, if there is none, all benchmarks whose names contain
+/// `name`. Returns all benchmarks if `name` is `None`.
 fn choose(name: Option<&str>) -> Vec<(&'static str, &'static str)> {
     let wanted = name.unwrap_or_default();
     let of = |fits: fn(&str, &str) -> bool| -> Vec<_> {

@@ -20,7 +20,7 @@ pub(crate) struct Options {
 /// Builds, then prints the download size of each page and the time of each stage.
 ///
 /// # Errors
-/// When compiling fails, `static/` does not fit the client, or a page exceeds its size budget.
+/// When compiling fails, a file in `static/` is invalid, or a page exceeds its size budget.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
     let (pages, times) = if options.client_only {
         client(workspace)?
@@ -75,7 +75,7 @@ pub(crate) fn server(workspace: &Workspace) -> Result<Duration> {
     stage("server", workspace.compile("build").args(["--bin", "sidestep"]))
 }
 
-/// Prints the two tables.
+/// Prints the sizes of the pages and the times of the stages as two tables.
 fn report(pages: &[PageSize], times: &[(&str, Duration)]) {
     println!("page              KB   html    css     js   wasm   (brotli)");
     for page in pages {

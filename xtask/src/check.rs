@@ -26,8 +26,8 @@ pub(crate) fn run(workspace: &Workspace) -> Result<()> {
 
     library::run(workspace)?;
 
-    // Two calls, because the server's program and the library are both called `sidestep`. Cargo
-    // cannot write the pages of both, and the library's pages must remain.
+    // The server's program and the library are both called `sidestep`, so their pages have the same
+    // paths. The library comes last, in a separate call, so that its pages remain.
     for (name, kind) in [("docs of programs", "--bins"), ("docs of libraries", "--lib")] {
         let mut docs = workspace.compile("doc");
         docs.args([kind, "--no-deps", "--document-private-items"]);

@@ -1,8 +1,8 @@
 //! `cargo xtask fuzz`: feeds generated inputs to every parser of external data.
 //!
 //! The parsers are in `tests/src/parsers.rs`. libFuzzer searches for inputs that reach new code. It is
-//! compiled from the package `libfuzzer-sys`, and [`FLAGS`] make stable rustc insert the coverage
-//! instrumentation that it needs.
+//! compiled from the package `libfuzzer-sys`. With [`FLAGS`], stable rustc inserts the coverage
+//! instrumentation that libFuzzer needs.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -19,8 +19,8 @@ use crate::workspace::{Workspace, output_of, stage};
 
 /// Feed generated inputs to every parser until one panics or hangs, or the time is up.
 ///
-/// Starts with the corpus in tests/data/parsers/NAME.zip. With --keep, adds to it the inputs that reach new
-/// code or make a parser fail. A test runs the whole corpus.
+/// Starts with the corpus in tests/data/parsers/NAME.zip. With --keep, inputs that reach new code or make a
+/// parser fail are added to the corpus. A test runs the whole corpus.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Fuzz only this parser [default: all, in sequence].

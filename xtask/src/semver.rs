@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::workspace::{Workspace, answer_of, output_of};
 
-/// Compare the library's public interface with that of an earlier revision, using
+/// Compare the library's public interface with its interface in an earlier revision, using
 /// cargo-semver-checks.
 ///
 /// Reports the changes that need a new major or minor version.

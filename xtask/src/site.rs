@@ -1,5 +1,5 @@
-//! The client's site: makes the folder that the server serves from `static/` and the compiled
-//! client.
+//! Makes the client's site, which is the folder that the server serves. The sources are `static/`
+//! and the compiled client.
 //!
 //! ```text
 //! read_static ─┐
@@ -49,7 +49,7 @@ const PARTICIPANT: &str = "participant";
 pub(crate) const SOLVER: &str = "solver";
 
 /// The program that evaluates and tunes predicted sets. Pages reference it but start it (in a
-/// worker) only for that.
+/// worker) only when they need it.
 pub(crate) const EVALUATOR: &str = "evaluator";
 
 /// The program that simulates a participant. Pages reference it but start it only for a simulated

@@ -35,8 +35,8 @@ pub(crate) struct Options {
     arguments: Vec<OsString>,
 }
 
-/// Browser test files that run on both kinds of database, because their pages write every kind of row and
-/// show the changes of other clients. The other files test only the browser.
+/// Files of browser tests that run on both kinds of database. Their pages write every kind of row and show
+/// the changes of other clients. The other files test only the browser.
 const ON_BOTH: [&str; 2] = ["studies", "scenes"];
 
 /// API tests of commands that use no database. They run only once.
@@ -51,8 +51,8 @@ const WITHOUT_DATABASE: [&str; 8] = [
     "solving::",
 ];
 
-/// Environment variable with Chromium's path, for the tests; if the user has set it, its value is
-/// used unchanged.
+/// Environment variable with Chromium's path, for the tests. A value that the user has set is used
+/// unchanged.
 pub(crate) const VARIABLE: &str = "SIDESTEP_CHROMIUM";
 
 /// Commands that start Chromium, in order of preference.
@@ -80,7 +80,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     let readers = readers(workspace)?;
     let is_whole = options.arguments.is_empty();
     let pages = || {
-        // For a whole run, the server is compiled beside the client.
+        // For a whole run, `compile` builds the server in parallel with the client.
         build::run(workspace, &build::Options { client_only: is_whole })?;
         let page = |(variable, example)| Ok((variable, example_page(workspace, example)?));
         PAGES.iter().copied().map(page).collect::<Result<Vec<_>>>()
@@ -111,7 +111,8 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     answer_of(&mut tests)
 }
 
-/// Runs everything in two lanes: tests with servers and browsers, which mostly wait for each other, and computations.
+/// Runs everything in two lanes. One lane has the tests with servers and browsers, which mostly wait for each
+/// other. The other lane has the computations.
 fn whole(
     workspace: &Workspace,
     options: &Options,
@@ -192,7 +193,7 @@ fn python_package(workspace: &Workspace) -> Result<ExitCode> {
 /// The example that runs a command with its own PostgreSQL cluster.
 const CLUSTER: &str = "with_postgres";
 
-/// Wraps `command` in an outer command, as the last arguments of `words`.
+/// Returns the command `words` with the words of `command` as its last arguments.
 fn within(words: &[&OsStr], command: &Command) -> Command {
     let mut outer = Command::new(words[0]);
     outer.args(&words[1..]).arg(command.get_program()).args(command.get_args());
@@ -204,7 +205,7 @@ fn within(words: &[&OsStr], command: &Command) -> Command {
 }
 
 /// Examples of the client that tests open as pages (computations in WebAssembly, and every kind of form
-/// field). Each has the environment variable for the path of its page.
+/// field). Each pair is the environment variable with the page's path, and the example's name.
 const PAGES: &[(&str, &str)] =
     &[("SIDESTEP_FINGERPRINT_PAGE", "fingerprint"), ("SIDESTEP_FORMS_PAGE", "forms")];
 
@@ -260,8 +261,8 @@ fn install(packages: &[&str], otherwise: fn() -> String) -> Result<()> {
     Ok(())
 }
 
-/// Debian's packages for the environment of servers in tests: PostgreSQL (tests start their own servers of
-/// it), a fake clock, and the proxies of `docs/deploy`.
+/// Debian's packages for tests of the server: PostgreSQL (tests start their own PostgreSQL servers), a fake
+/// clock, and the proxies of `docs/deploy`.
 const SURROUNDINGS: [&str; 4] = ["postgresql", "libfaketime", "nginx", "haproxy"];
 
 /// Whether all [`SURROUNDINGS`] are installed.
@@ -313,7 +314,7 @@ fn installed(workspace: &Workspace, requirements: &str, name: &str) -> Result<Pa
     if let Some(Ok(python)) = found.then(made) {
         return Ok(python);
     }
-    // Python is missing or cannot create environments. On Debian, that needs python3-venv.
+    // Python is missing or cannot create environments. On Debian, creating them needs python3-venv.
     install(&PYTHON_PACKAGES, how_to_install_python)?;
     made()
 }
@@ -326,7 +327,7 @@ fn how_to_install_python() -> String {
     )
 }
 
-/// Instructions for users for whom this command cannot install Chromium.
+/// Instructions for installing Chromium, for users for whom this command cannot do it.
 fn how_to_install() -> String {
     format!(
         "Chromium is needed: install it (Debian, Ubuntu: apt-get install {}) or set {VARIABLE} to \
@@ -380,7 +381,7 @@ mod tests {
         );
     }
 
-    /// A test filter without matches would also pass.
+    /// If a file were missing, its test filter would match nothing, and the run would still pass.
     #[test]
     fn the_browser_tests_of_both_databases_are_there() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/tests/browser");

@@ -20,7 +20,7 @@ pub(crate) fn run(workspace: &Workspace) -> Result<()> {
 /// Builds the wheel of the Python package, for all supported versions of Python.
 ///
 /// # Errors
-/// As for [`run`].
+/// The errors of [`run`].
 pub(crate) fn build(workspace: &Workspace) -> Result<PathBuf> {
     let python = environment(workspace, "wheel-requirements.txt", "wheel")?;
     let folder = workspace.output("wheels");

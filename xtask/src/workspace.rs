@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 
-/// The folder of the client's builds in cargo's output folder. Cargo locks an output folder, and the
-/// client is compiled while something else is.
+/// The folder of the client's builds in cargo's output folder. Cargo locks its output folder, so a
+/// separate one allows compiling the client in parallel with other code.
 const CLIENT: &str = "client";
 
 /// The target triple for browsers.
@@ -18,7 +18,7 @@ pub(crate) const WASM_TARGET: &str = "wasm32-unknown-unknown";
 /// Where a program of the web client runs, which decides how it is compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Runs {
-    /// In a page, which appears only when the program is loaded. Optimized for size.
+    /// In a page, which does not appear until the program is loaded. Optimized for size.
     InPage,
     /// In a worker that computes for a page. Optimized for speed.
     InWorker,
@@ -184,8 +184,9 @@ fn without_paths(root: &Path) -> String {
 fn cargo_in(folder: &Path) -> Command {
     let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(folder);
-    // Remove cargo's variables about the package `xtask`. Some build scripts depend on them, so cargo would
-    // recompile these scripts and their dependents after every direct call of cargo, and again here.
+    // Remove cargo's variables about the package `xtask`. Some build scripts depend on such variables, so
+    // cargo would recompile these scripts and their dependents whenever direct calls of cargo and calls from
+    // here alternate.
     for (name, _) in env::vars_os() {
         let text = name.to_string_lossy();
         if text.starts_with("CARGO_PKG_") || text.starts_with("CARGO_MANIFEST_") {
@@ -195,14 +196,14 @@ fn cargo_in(folder: &Path) -> Command {
     command
 }
 
-/// Interval between two looks at a running stage, and between two lines that show that it runs.
+/// Polling interval of a running stage, and interval between two lines that show its progress.
 const LOOK: Duration = Duration::from_millis(50);
 const SHOW: Duration = Duration::from_secs(30);
 
-/// Does both at the same time: compiling on two cores leaves one idle for much of the time.
+/// Runs both closures in parallel, because one compilation leaves one of two cores idle for much of the time.
 ///
 /// # Errors
-/// The first error. The other one is printed.
+/// The error of `one`, which is also printed at once, or else the error of `other`.
 pub(crate) fn both<A, B: Send>(
     one: impl FnOnce() -> Result<A>,
     other: impl FnOnce() -> Result<B> + Send,
@@ -254,7 +255,7 @@ pub(crate) fn stage(name: &str, command: &mut Command) -> Result<Duration> {
 /// Runs a command, passes its output through and returns its exit code.
 ///
 /// # Errors
-/// When it cannot be started.
+/// When the command cannot be started.
 pub(crate) fn answer_of(command: &mut Command) -> Result<ExitCode> {
     let status = status(command)?;
     // A process that was killed by a signal has no exit code.
@@ -304,8 +305,8 @@ mod tests {
 
     use super::*;
 
-    /// Identifies the compiled dependencies of a call of cargo by package, target, features and settings,
-    /// including their own dependencies.
+    /// Identifiers of the dependencies that a call of cargo compiles. An identifier depends on the package,
+    /// target, features and settings of a dependency and, recursively, of its own dependencies.
     fn dependencies(cargo: &mut Command) -> BTreeSet<String> {
         // Stable cargo prints its unit graph only if this variable is set.
         cargo.args(["-Zunstable-options", "--unit-graph"]).env("RUSTC_BOOTSTRAP", "1");

@@ -1,4 +1,4 @@
-//! What is asked of a solution, and the answers in each number of dimensions.
+//! Queries of a solution, and their evaluation in each number of dimensions.
 
 use pyo3::prelude::*;
 use sidestep::invalid::Invalid;

@@ -52,8 +52,8 @@ pub(crate) struct Accuracy {
     pub(crate) mean_dx: f64,
     /// The maximum of this |V|, in the same units.
     pub(crate) max_dx: f64,
-    /// Volume of the set ([`SampledValue::volume`]) relative to the closed form's volume (percent
-    /// more).
+    /// Excess of the set's volume ([`SampledValue::volume`]) over the closed form's volume
+    /// (percent).
     pub(crate) volume_percent: f64,
 }
 

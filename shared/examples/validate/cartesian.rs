@@ -34,8 +34,8 @@ const NODES: [usize; 5] = [80, 160, 320, 640, 1280];
 pub(crate) struct Check {
     horizon_s: f64,
     pub(crate) air3d: Vec<Air3d>,
-    /// For WENO5 on 51×40×50 nodes: by how many percent the volume exceeds the closed form's, after
-    /// the horizon and after π s.
+    /// For WENO5 on 51×40×50 nodes: excess of the volume over the closed form's volume (percent),
+    /// after the horizon and after π s.
     converged: [f64; 2],
     pub(crate) orders: Vec<Order>,
 }

@@ -204,7 +204,7 @@ pub(crate) fn convergence(check: &cartesian::Check) -> Drawing {
     drawing
 }
 
-/// A triangle that shows the slope of an order, from spacing `x` to `times` that spacing.
+/// A triangle that shows the slope of an order, from the spacing `x` to the spacing `times * x`.
 fn add_slope(chart: &mut Chart, order: i32, [x, y]: Point, times: f64) {
     let (far, up) = (x * times, (0..order).fold(y, |up, _| up * times));
     let points = vec![[x, y], [far, y], [far, up]];

@@ -31,8 +31,8 @@ pub(crate) struct ErrorMap {
     /// Errors of all cells (m). `worst` is the position of the largest error.
     errors: Errors,
     worst: [f64; 2],
-    /// The centre of the first square cell, with the smallest x and y. `cell_m` is the side of a
-    /// cell. Both are in metres.
+    /// Centre of the cell with the smallest x and y (m). Cells are squares with a side of `cell_m`
+    /// metres.
     #[serde(skip)]
     pub(crate) origin: [f64; 2],
     #[serde(skip)]
@@ -49,8 +49,8 @@ fn fineness() -> CurveSettings {
     CurveSettings::default().with_flatness(0.002).with_spacing(0.1)
 }
 
-/// Distance of curves that are traced through a solution's grid from the solution's {V = 0}. It is
-/// measured by |V| (m) at the points of the curves and midway between them, at 24 headings.
+/// Measures how far the curves traced through a solution's grid are from the solution's {V = 0}: by
+/// |V| (m) at the points of the curves and midway between them, at 24 headings.
 pub(crate) fn traced(solved: &Solved) -> Result<Errors, Box<dyn Error>> {
     let polar = &solved.function;
     let mut errors = Vec::new();

@@ -23,7 +23,7 @@ pub(crate) struct Check {
     range_m: f64,
     sweeps: usize,
     drift_m: f64,
-    /// Errors at the states that count, at random states (`random`) and at nodes.
+    /// Errors at the states that count: at random states (`random`) and at nodes (`at_nodes`).
     random: Errors,
     at_nodes: Errors,
     /// Excess of the volume of {V ≤ 0} over the closed form's volume (percent).

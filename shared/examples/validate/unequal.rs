@@ -1,4 +1,4 @@
-//! Vehicles that differ. No closed form is known for them, so solutions are compared with each
+//! Games of unequal vehicles. They have no known closed form, so solutions are compared with each
 //! other.
 
 use std::error::Error;

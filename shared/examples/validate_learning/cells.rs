@@ -82,7 +82,7 @@ pub(crate) fn check(
     }))
 }
 
-/// The accuracy with a setting, for our model and for scikit-learn's.
+/// The accuracy with a setting, for our model and for scikit-learn's model.
 fn choice(
     hyperparameters: &str,
     ours: &Cell,

@@ -23,7 +23,7 @@ use learning::{apart, ranks};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let step = |name: &str| eprintln!("    {name}");
-    // Each pair is experiments I and II.
+    // Each pair holds the results of experiments I and II.
     step("models");
     let (logistic, machines, trees) =
         ([1, 2].map(apart::logistic), [1, 2].map(apart::svms), [1, 2].map(apart::trees));

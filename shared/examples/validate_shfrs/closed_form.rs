@@ -45,8 +45,8 @@ pub(crate) fn check() -> Found {
         // Maximum error of the area, and maximum error as a share of areas of at least 0.1 m².
         "worst_m2": worst_m2,
         "worst_share": worst_share,
-        // Area that is reachable in ten steps with all turn rates: of the polygon, and of the
-        // closed form.
+        // Area that is reachable in ten steps with all turn rates: computed from the polygon, and
+        // by the closed form.
         "everything_m2": everything_m2,
     }))
 }

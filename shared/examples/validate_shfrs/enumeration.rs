@@ -124,8 +124,8 @@ pub(crate) fn check() -> Found {
             "steps": steps,
             "bounds": bounds,
             "inputs": tried,
-            // Number of points of boundaries, and the maximum distance of a point from the nearest
-            // end.
+            // Number of boundary points, and the maximum distance of a boundary point from the
+            // nearest end.
             "points": points,
             "farthest_m": farthest_m,
         }));

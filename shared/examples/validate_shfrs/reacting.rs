@@ -59,7 +59,7 @@ fn drive(rng: &mut SeededRng) -> Result<Trajectory, Invalid> {
     for _ in 0..STEPS {
         let mut probabilities = [0.0; 3];
         person.probabilities(&states, &mut probabilities);
-        // People do not decide anew in every step, and do not steer exactly.
+        // People do not make a new decision in every step, and do not steer exactly.
         if rng.unit() < 0.4 {
             let drawn = rng.unit();
             let [right, straight, _] = probabilities;

@@ -26,7 +26,7 @@ const STEPS: usize = 10;
 /// Spacing (m), and number of nodes in a full turn.
 const GRIDS: [(f64, usize); 4] = [(0.15, 40), (0.1, 60), (0.075, 80), (0.05, 120)];
 
-/// Turn rates that are admitted throughout (rad/s).
+/// Turn rates that are admitted in every step (rad/s).
 const BOUNDS: [(f64, f64); 3] = [(-0.5, 0.5), (-0.15, 0.4), (0.1, 0.5)];
 
 /// The twin's shadow: the position of each node in the plane, and the minimum of V over the

@@ -1,12 +1,12 @@
 //! Suggestions for unknown names.
 
-/// The known names that an unknown name most likely means. Returns no name rather than a bad guess.
+/// Returns the known names that are most similar to an unknown name, if any is similar enough.
 ///
 /// These are the names with the fewest typing errors (Damerau–Levenshtein distance). Names of up to
 /// 5 characters may have one error, names of up to 11 characters two, and longer names three.
-/// Differences in case, hyphens and spaces do not count. If no name is close enough, these are the
-/// names that contain all given words, as `danger_radius_m` contains `radius`. If more than three
-/// names match, the result is empty.
+/// Differences in case, hyphens and spaces do not count. If every name has too many errors, returns
+/// the names that contain the given words, as `danger_radius_m` contains `radius`. If more than
+/// three names match equally well, returns none.
 #[must_use]
 pub fn nearest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     const MOST: usize = 3;
@@ -20,8 +20,8 @@ pub fn nearest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Vec
     if names.len() > MOST { Vec::new() } else { names }
 }
 
-/// The suggestions as the end of an error message, such as `; did you mean kind?`. Empty if there
-/// are none.
+/// Formats the suggestions as the end of an error message, such as `; did you mean kind?`. Returns
+/// an empty string if there are no suggestions.
 #[must_use]
 pub fn did_you_mean<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     match &nearest(wrong, known)[..] {
@@ -30,8 +30,8 @@ pub fn did_you_mean<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -
     }
 }
 
-/// Distance of a name: the number of typing errors, or the maximum if the name only contains the
-/// words. `None` if the name does not match.
+/// Returns the number of typing errors between both names, or `usize::MAX` if `name` only contains
+/// the words of `wrong`. Returns `None` if `name` does not match.
 fn misfit(wrong: &str, name: &str) -> Option<usize> {
     const HAS_THE_WORDS: usize = usize::MAX;
     let [wrong, name] = [words(wrong), words(name)];

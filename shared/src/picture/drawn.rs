@@ -1,4 +1,4 @@
-//! A picture as a drawing, for files.
+//! Converts a picture to a drawing, for files.
 
 use super::{Brush, Picture, Points};
 use crate::chart::{Align, Colour, Drawing, Ink, Pen};

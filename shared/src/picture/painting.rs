@@ -5,12 +5,13 @@ use crate::chart::{Colour, Ink, Pen};
 use crate::math::sin_cos;
 use crate::vehicle::Pose;
 
-/// Points for a brush. This is a trait object, so that the client contains each method only once.
+/// Points for a brush. A trait object keeps the client small, because each method of [`Brush`] is
+/// then compiled only once.
 pub type Points<'a> = &'a mut dyn Iterator<Item = [f64; 2]>;
 
 /// A painting backend. Positions are [right, down] from the top left corner (px).
 pub trait Brush {
-    /// Paints a line through points, or an area. A NaN point lifts the pen.
+    /// Paints a polyline or a filled polygon. A NaN point lifts the pen.
     fn path(&mut self, points: Points<'_>, closed: bool, fill: Option<Ink>, pen: Option<Pen>);
 
     /// Paints a circle with this radius (px).
@@ -20,7 +21,8 @@ pub trait Brush {
     fn words(&mut self, text: &str, middle: [f64; 2], colour: Colour);
 }
 
-/// Outline of a vehicle's arrow: points [along the heading, to the left], in arrow lengths.
+/// Outline of a vehicle's arrow: points (along the heading, to the left), in units of the arrow's
+/// length.
 const ARROW: [(f64, f64); 7] = [
     (0.0, 0.036),
     (0.72, 0.036),
@@ -31,7 +33,7 @@ const ARROW: [(f64, f64); 7] = [
     (0.0, -0.036),
 ];
 
-/// Radius of the dot or half the side of the square at the tail, in arrow lengths.
+/// Radius of the dot, and half the side of the square, at the tail, in units of the arrow's length.
 const TAIL: f64 = 0.085;
 
 /// Minimum length of an arrow and minimum side of a goal (px).

@@ -1,4 +1,4 @@
-//! The checks for recorded trials, with errors in terms of trials.csv.
+//! Checks of recorded trials. Errors name the columns of trials.csv.
 
 use super::{DISTANCE_ROUNDING, ROUNDING, StepLimits};
 use crate::invalid::Invalid;
@@ -8,10 +8,11 @@ use crate::scene::{JointState, SceneParameters};
 use crate::trial::verify;
 use crate::vehicle::{Pose, VehicleModel};
 
-/// Checks every step of a trial except the last, whose end is computed from its input.
+/// Checks every step of a trial except the last one. The last state needs no check, because it is
+/// computed from the last input.
 ///
 /// # Errors
-/// [`Invalid`] for the first step that the human or the robot cannot have driven. Its field names
+/// [`Invalid`] for the first step that the human or the robot could not have driven. Its field names
 /// the trial, the step and the invalid columns of trials.csv.
 pub fn check(parameters: &SceneParameters, trial: &RecordedTrial) -> Result<(), Invalid> {
     type Of = fn(&JointState) -> Pose;
@@ -34,7 +35,7 @@ pub fn check(parameters: &SceneParameters, trial: &RecordedTrial) -> Result<(), 
     Ok(())
 }
 
-/// Excludes every participant of a recording with a trial that fails [`check`], and records the reason.
+/// Excludes every participant who has a trial that fails [`check`], and records the reason.
 pub fn exclude_impossible(recording: &mut Recording) {
     let Recording { scene, participants, exclusions, .. } = recording;
     participants.retain(|participant| {
@@ -46,7 +47,7 @@ pub fn exclude_impossible(recording: &mut Recording) {
     });
 }
 
-/// Whether the states follow from the inputs, to within rounding to three decimals.
+/// Whether a simulation of the inputs gives the recorded states, up to rounding to three decimals.
 #[must_use]
 pub fn replays(parameters: &SceneParameters, trial: &RecordedTrial) -> bool {
     let Some(&start) = trial.states.first() else { return true };
@@ -64,7 +65,7 @@ pub fn replays(parameters: &SceneParameters, trial: &RecordedTrial) -> bool {
 /// inputs of the previous or the next row.
 ///
 /// # Errors
-/// [`Invalid`] if other inputs explain the headings of all trials together far better.
+/// [`Invalid`] if one of these alternatives fits the headings of all trials far better.
 pub fn check_inputs<'a>(
     parameters: &SceneParameters,
     trials: impl IntoIterator<Item = &'a RecordedTrial>,
@@ -93,8 +94,8 @@ pub fn check_inputs<'a>(
             }
         }
     }
-    // If a key changes within a step, two rows fit equally badly. One of them never fits so much
-    // better.
+    // If keys change within steps, the inputs of the same and of a neighbouring row fit about
+    // equally badly. A sum of squares below a quarter of the other therefore indicates an error.
     match others.iter().find(|(other, _)| *other < 0.25 * recorded && recorded > ROUNDING) {
         Some((_, found)) => {
             let expected = "inputs that match the turns in hpsi (rad/s)";

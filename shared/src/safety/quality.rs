@@ -5,36 +5,37 @@ use crate::reachability::{PursuitGame, QUANTUM_M, ValueFunction};
 use crate::scene::Evader;
 use serde::{Deserialize, Serialize};
 
-/// The accuracy of a level on a grid (m), for a radius of about 3 m. The 99th percentile of the
-/// polar solver's error in the paper's game is 1.7 cm (docs/validation/reachability.md).
+/// The accuracy (m) of a level that was solved on a grid, for a radius of about 3 m. The 99th
+/// percentile of the polar solver's error in the paper's game is 1.7 cm
+/// (docs/validation/reachability.md).
 const GRID_ACCURACY_M: f64 = 0.02;
 
 /// The convergence of a safety level, and its spread over the compared steps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct LevelQuality {
-    /// Whether the value function converged; a closed form always has.
+    /// Whether the value function converged; true for a closed form.
     pub converged: bool,
-    /// If not converged: the change in the last 16 sweeps (m), averaged over the grid's rows. The
-    /// distance from the converged value may be several hundred times as large.
+    /// The change in the last 16 sweeps (m), averaged over the grid's rows, if the function did not
+    /// converge. Its error may be several hundred times as large.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub last_change_m: Option<f64>,
     /// Standard deviation of the level over the steps (m).
     pub spread_m: f64,
-    /// The accuracy of the level if it converged (m).
+    /// The accuracy of the level (m), valid if it converged.
     pub accuracy_m: f64,
 }
 
 impl LevelQuality {
-    /// The quality of the level that `function` gives. `levels` are its values in the steps (m).
+    /// The quality of a level. `levels` are the values of `function` in the steps (m).
     #[must_use]
     pub fn of(function: &ValueFunction, levels: &[f64]) -> Self {
-        // For a closed form, differences below the storage quantum do not count.
+        // For a closed form, only differences above the storage quantum count.
         let accuracy = match function {
             ValueFunction::Exact(_) => QUANTUM_M,
             ValueFunction::Sampled(_) => GRID_ACCURACY_M,
         };
-        // Sorted, so that the sums have the same bits for any order of participants.
+        // Sorting makes the sums bit-identical for every order of the participants.
         let mut levels = levels.to_vec();
         levels.sort_by(f64::total_cmp);
         let count = levels.len().max(1) as f64;
@@ -49,8 +50,8 @@ impl LevelQuality {
         }
     }
 
-    /// Whether the level varies between steps by less than its accuracy. Models use standardised
-    /// levels, in which such errors would be as large as any other feature.
+    /// Whether the level varies between steps by less than its accuracy. Models standardise the
+    /// level, which would enlarge its errors to the size of any other feature.
     #[must_use]
     pub fn is_nearly_constant(&self) -> bool {
         self.spread_m < self.accuracy_m
@@ -137,7 +138,8 @@ mod tests {
             .unwrap()
     }
 
-    /// V_RH of a slower robot that turns faster, stopped after a few sweeps over a small grid.
+    /// Safety levels in which V_RH, of a slower robot that turns faster, has not converged. Its
+    /// solve was stopped after a few sweeps over a small grid.
     fn broken_off() -> SafetyLevels {
         let game = PursuitGame {
             evader: VehicleModel { speed_mps: 1.5, turn_rate_radps: 0.8 },

@@ -1,4 +1,4 @@
-//! The key that a person holds, given their percepts: a noisy leaky accumulator with two
+//! Decides which key a person holds. The percepts drive a noisy leaky accumulator with two
 //! thresholds.
 
 use super::perception::{Percept, Sight, logistic};
@@ -12,12 +12,12 @@ use std::collections::VecDeque;
 /// Time constants of perception errors and of the activation (s).
 const NOISE_S: f64 = 0.6;
 const LEAK_S: f64 = 0.35;
-/// Minimum time between pressing and releasing a key (s). Times are multiples of the tick in
-/// floating point, so rounding may make three ticks slightly shorter than this time, and a fourth
-/// tick is needed. The reference's drives depend on this.
+/// Minimum time between a press and the decision to release, and between a release and the next
+/// press (s). Rounding errors may make three ticks slightly shorter than this time, so that a fourth
+/// tick is needed. The reference's drives depend on these rounding errors.
 const REFRACTORY_S: f64 = 0.15;
 /// To choose a side, a person imagines a turn by this angle (rad) to either side and compares the
-/// two.
+/// predicted distances.
 const IMAGINED_RAD: f64 = 0.4;
 /// Strength of the preference for the previous side.
 const STICKINESS: f64 = 2.0;
@@ -56,8 +56,8 @@ struct Press {
     since_s: f64,
     /// The predicted distance at the press (m).
     predicted_m: f64,
-    /// Extra time to hold the key after it is no longer needed (s). `None` for a lapse, whose end
-    /// is fixed.
+    /// Extra time to hold the key after it is no longer needed (s). `None` for a lapse, whose time
+    /// of release is fixed at the press.
     overhold_s: Option<f64>,
     /// The time of release (s), once it is decided.
     until_s: Option<f64>,
@@ -125,7 +125,8 @@ impl<'a> Decision<'a> {
         }
     }
 
-    /// Chooses a side at random, weighted by the predicted distances, bearing, bias and habit.
+    /// Presses the key of a random side. The probabilities depend on the predicted distances, the
+    /// bearing, the bias and the previous side.
     fn press(&mut self, t_s: f64, delayed: &JointState, sight: &Sight, percept: &Percept) -> Press {
         let passing = |turned| Sight::of(self.parameters, delayed, turned).predicted_m;
         let for_left = self.person.side_by_distance

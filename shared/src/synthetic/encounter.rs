@@ -18,7 +18,7 @@ pub(super) fn draw(parameters: &SceneParameters, stream: &mut Stream) -> Scene {
     }
 }
 
-/// One draw, with random numbers in the order of the fields.
+/// A proposed scene. The random numbers are drawn in the order of the fields.
 struct Drawn {
     /// The robot's heading (rad).
     robot_psi: f64,
@@ -28,7 +28,7 @@ struct Drawn {
     closest_s: f64,
     /// Signed distance at the closest approach (m).
     miss_m: f64,
-    /// The robot's position halfway (m).
+    /// The robot's position halfway to its goal (m).
     centre: [f64; 2],
 }
 
@@ -43,8 +43,9 @@ impl Drawn {
         }
     }
 
-    /// The scene. `None` if the vehicles start too close, too far apart or nearly parallel, or if
-    /// the human reaches the danger zone too early, misses it without turning or cannot escape it.
+    /// Returns the scene, or `None` if it is rejected. In rejected scenes, the vehicles start too
+    /// close, too far apart or nearly parallel, or the human reaches the danger zone too early,
+    /// misses it without turning or cannot escape it.
     fn scene(&self, parameters: &SceneParameters) -> Option<Scene> {
         let radius = parameters.danger_radius_m;
         let human_psi = self.robot_psi + self.approach_rad;
@@ -54,7 +55,8 @@ impl Drawn {
         let w =
             [v_robot * robot_cos - v_human * human_cos, v_robot * robot_sin - v_human * human_sin];
         let closing = hypot(w[0], w[1]);
-        // The robot's start relative to the human's: the miss vector, moved back along w.
+        // The robot's start relative to the human's start: the offset at the closest approach, moved
+        // back in time with the relative velocity w.
         let apart = [
             -self.miss_m * w[1] / closing - w[0] * self.closest_s,
             self.miss_m * w[0] / closing - w[1] * self.closest_s,
@@ -84,8 +86,8 @@ impl Drawn {
     }
 }
 
-/// Smallest distance (m) if the human holds `input` for `hold_s` from 1 s on and otherwise drives
-/// straight on.
+/// Smallest distance (m) if the human starts to hold `input` after 1 s, for `hold_s` seconds, and
+/// otherwise drives straight on.
 fn closest(parameters: &SceneParameters, scene: &Scene, input: TurnInput, hold_s: f64) -> f64 {
     let ticks = |seconds: f64| (seconds / LOOK_S).round() as usize;
     let held = ticks(1.0)..ticks(1.0 + hold_s);

@@ -11,7 +11,7 @@ pub(super) struct Sight {
     pub(super) distance_m: f64,
     /// Time to the closest approach (s); negative after it.
     pub(super) closest_s: f64,
-    /// Distance at the closest approach (m); the current distance after it.
+    /// Distance at the closest approach (m), or the current distance if this approach is over.
     pub(super) predicted_m: f64,
     /// Rate of change of the robot's bearing in the world (rad/s).
     pub(super) bearing_rate_radps: f64,
@@ -42,7 +42,7 @@ impl Sight {
             distance_m,
             closest_s,
             predicted_m: if closest_s > 0.0 { cross.abs() / closing_mps } else { distance_m },
-            // At distance zero there is no bearing, so any finite rate will do.
+            // At distance zero, the bearing is undefined, so any finite rate is acceptable.
             bearing_rate_radps: cross / (distance_m * distance_m).max(1e-12),
             closing_mps,
             bearing_rad: wrap_angle(atan2(ry, rx) - heading),
@@ -65,7 +65,7 @@ pub(super) struct Percept {
 }
 
 impl Percept {
-    /// `noise` is two standard normal numbers, for times and for headings.
+    /// `noise` holds two standard normal numbers, for the errors of perceived times and headings.
     pub(super) fn of(person: &Person, radius_m: f64, sight: &Sight, noise: [f64; 2]) -> Self {
         let stretch = exp(person.time_noise * noise[0]);
         let heading_error = person.heading_noise_rad * noise[1];

@@ -12,7 +12,7 @@ pub struct Person {
     pub horizon_s: f64,
     /// Desired excess of the predicted distance over the danger radius (m): 0.6–2.2.
     pub margin_m: f64,
-    /// Factor of the threshold of bearing rates (rad·s^0.5): 1.2–2.2.
+    /// Scale factor of the bearing-rate threshold (rad·s^0.5): 1.2–2.2.
     pub bearing_threshold: f64,
     /// Decay of the repeller with the angle off the danger zone (1/rad): 1.5–4.
     pub repeller_angle_decay: f64,
@@ -20,7 +20,7 @@ pub struct Person {
     pub repeller_distance_decay: f64,
     /// Gain of the repeller: 2–3.
     pub repeller_gain: f64,
-    /// Standard deviation of perceived headings (rad): 0.03–0.08.
+    /// Standard deviation of the errors of perceived headings (rad): 0.03–0.08.
     pub heading_noise_rad: f64,
     /// Standard deviation of the logarithm of perceived times: 0.08–0.25.
     pub time_noise: f64,
@@ -40,15 +40,15 @@ pub struct Person {
     pub lapses_per_s: f64,
     /// Rate of side changes while the predicted distance falls (1/s): 0–0.25.
     pub reversals_per_s: f64,
-    /// Weights of the three drives (predicted distance, bearing, repeller), which sum to 1:
-    /// exponentially distributed, with means in the ratio 1.2 : 1.2 : 0.8.
+    /// Weights of the three drives (predicted distance, bearing, repeller). They are drawn from
+    /// exponential distributions with means in the ratio 1.2 : 1.2 : 0.8 and normalised to sum to 1.
     pub weights: [f64; 3],
     /// Preference for the left: normally distributed, mean 0, standard deviation 0.5.
     pub side_bias: f64,
 }
 
 impl Person {
-    /// Draws the fields in order.
+    /// Draws the parameters in the order of the fields.
     pub(super) fn draw(stream: &mut Stream) -> Self {
         let mut person = Self {
             lag_s: stream.uniform(0.20, 0.40),

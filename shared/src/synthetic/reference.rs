@@ -5,10 +5,10 @@ use super::SyntheticParticipant;
 use crate::recording::{Origin, Provenance, RecordedParticipant, RecordedTrial};
 use crate::scene::{JointState, SceneParameters};
 
-/// The seed of the project's reference data, whose file does not mark them as synthetic.
+/// The seed of the project's reference data. Their file does not mark them as synthetic.
 pub const REFERENCE_SEED: u64 = 20_180_918;
 
-/// The reference's participant numbers. Copies may use other names.
+/// The reference's participant numbers. Copies of the data may rename participants.
 const REFERENCE_PARTICIPANTS: core::ops::Range<u64> = 0..8;
 
 /// The provenance of these participants' trials from `origin`.
@@ -19,8 +19,8 @@ pub fn provenance(origin: Origin, participants: &[RecordedParticipant]) -> Prove
     Provenance { origin, synthetic: recognised(participants), is_mixed }
 }
 
-/// Evidence that these participants' trials are synthetic, if any. Either the data say so, or the
-/// trials begin like trials of the reference, whose scenes are redrawn for comparison.
+/// Returns the evidence that these participants' trials are synthetic, if any. Either the data are
+/// marked as synthetic, or a participant's first trial starts like a trial of the reference.
 #[must_use]
 pub fn recognised(participants: &[RecordedParticipant]) -> Option<String> {
     let marked: Vec<&str> =
@@ -30,7 +30,7 @@ pub fn recognised(participants: &[RecordedParticipant]) -> Option<String> {
     }
     if !marked.is_empty() {
         let (some, all) = (marked.len(), participants.len());
-        // Lists the names only if they are few.
+        // Lists the names only if there are few.
         let names = if some <= 12 { format!(": {}", marked.join(", ")) } else { String::new() };
         return Some(format!(
             "the file or the server marks {some} of {all} people as synthetic{names}"
@@ -48,7 +48,8 @@ fn is_of_the_reference(participant: &RecordedParticipant) -> bool {
     own.into_iter().chain(REFERENCE_PARTICIPANTS).any(|number| begins_as(number, trial))
 }
 
-/// Whether the trial begins like the same-numbered trial of this reference participant.
+/// Whether the trial has the same start poses as the same-numbered trial of this reference
+/// participant.
 fn begins_as(participant: u64, trial: &RecordedTrial) -> bool {
     let person = SyntheticParticipant::new(REFERENCE_SEED, participant);
     let (scene, _) = person.own_scene(&SceneParameters::default(), trial.number);

@@ -15,9 +15,8 @@ pub enum Flag {
     LateSample,
     /// The trial was read from a file, without evidence of timing and keys.
     Imported,
-    /// The participant could not drive the trial without interruption: the page lost focus or was
-    /// hidden, an input was sampled more than [`INTERRUPTED_MS`](super::INTERRUPTED_MS) late, or
-    /// the scene had been shown before.
+    /// The trial was interrupted: the page lost focus or was hidden, an input was sampled more than
+    /// [`INTERRUPTED_MS`](super::INTERRUPTED_MS) late, or the scene had been shown before.
     Interrupted,
     /// The page lost focus or was hidden.
     FocusLost,
@@ -27,9 +26,9 @@ pub enum Flag {
     Resized,
     /// The participant left full-screen mode.
     LeftFullscreen,
-    /// The screen showed fewer than [`LOW_FRAME_RATE_HZ`](super::LOW_FRAME_RATE_HZ) frames per second.
+    /// The median frame rate was below [`LOW_FRAME_RATE_HZ`](super::LOW_FRAME_RATE_HZ).
     LowFrameRate,
-    /// The participant's clock gave a start before 1970 or after 2100.
+    /// On the participant's clock, the trial started before 1970 or after 2100.
     WrongClock,
     /// The times of samples, keys or page events decrease.
     UnorderedTimes,

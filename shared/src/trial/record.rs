@@ -1,4 +1,4 @@
-//! A participant's recorded evidence about a trial, besides inputs and states.
+//! The evidence about a trial that is recorded in addition to inputs and states.
 
 use super::{Flag, PageEvent};
 
@@ -9,7 +9,8 @@ pub const LAST_MS: f64 = 4_102_444_800_000.0;
 ///
 /// The record for one piano key is [824 presses in a
 /// minute](https://www.guinnessworldrecords.com/news/2017/6/portuguese-musician-breaks-record-for-astonishingly-fast-piano-key-hitting-475329),
-/// by two alternating fingers: 13.7 per second. Two hands at this rate would make 27.5.
+/// by two alternating fingers, which is 13.7 per second. Two hands at this rate would make 27.5
+/// presses per second.
 pub const FASTEST_PRESSES: usize = 30;
 
 /// A key press or release.

@@ -6,9 +6,9 @@
 use super::Pose;
 use crate::math::{sin_cos, sinc, wrap_angle};
 
-/// The pose after a time τ = `seconds` at constant speed and turn rate: the end of an exact
-/// circular arc. Its chord has length v·τ·sinc(ωτ/2) and direction ψ + ωτ/2, which also holds for
-/// ω = 0.
+/// The pose after a time τ = `seconds` at constant speed and turn rate, which is the end of a
+/// circular arc. The arc's chord has length v·τ·sinc(ωτ/2) and direction ψ + ωτ/2. Both formulas
+/// also hold for ω = 0.
 #[must_use]
 pub fn arc(pose: Pose, speed_mps: f64, turn_rate_radps: f64, seconds: f64) -> Pose {
     let half_turn = 0.5 * turn_rate_radps * seconds;
@@ -21,8 +21,9 @@ pub fn arc(pose: Pose, speed_mps: f64, turn_rate_radps: f64, seconds: f64) -> Po
     }
 }
 
-/// The relative state of the pursuit game: the pursuer's position in the evader's frame (m; x
-/// ahead, y to the left), and the pursuer's heading minus the evader's in (−π, π] (rad).
+/// The relative state of the pursuit game: the pursuer's position in the evader's frame (x ahead,
+/// y to the left; in metres), and the pursuer's heading minus the evader's heading, wrapped to
+/// (−π, π] (rad).
 #[must_use]
 pub fn relative_state(evader: Pose, pursuer: Pose) -> [f64; 3] {
     let (sin, cos) = sin_cos(evader.psi);
@@ -36,7 +37,7 @@ mod tests {
     use crate::math::{PI, hypot};
     use proptest::prelude::*;
 
-    /// The reference implementation: many small steps.
+    /// The reference implementation, which integrates the motion in many small steps.
     fn euler(mut pose: Pose, speed: f64, rate: f64, seconds: f64) -> Pose {
         let n = 200_000;
         let h = seconds / f64::from(n);

@@ -101,7 +101,8 @@ fn refuse_grids_beyond_the_memory() {
         }
         settings.memory_limit_bytes = 1 << 30;
     });
-    // 10,006² nodes including ghost nodes, with four bytes for each of three stages and the target.
+    // The grid has 10,006² nodes, including ghost nodes. Each node needs four bytes for each of the
+    // three stages and four for the target.
     let expected = "grid: expected at most 1024 MiB of memory, found 100120036 nodes, which need \
                     about 1528 MiB";
     assert_eq!(complaint.to_string(), expected);
@@ -149,7 +150,7 @@ fn regions_without_a_value_are_refused() {
     assert_eq!([&complaint.field, &complaint.found], ["target", &format!("NaN at {place}")]);
     let complaint = refused(|problem, _| avoid(problem, Region::Static(&hole)));
     assert_eq!([&complaint.field, &complaint.found], ["avoid", &format!("NaN at {place}")]);
-    // This value is out of range for f32.
+    // The value overflows f32.
     let complaint = refused(|problem, _| problem.target = Region::Static(&huge));
     assert_eq!([&complaint.field, &complaint.found[..3]], ["target", "inf"]);
     let complaint = refused(|problem, _| problem.target = Region::OfMarchTime(&later));
@@ -185,8 +186,8 @@ fn a_game_without_a_value_is_refused() {
     }
 }
 
-/// V = max(l, −g) is > 0 wherever g < 0. Therefore the set is empty if an obstacle covers the
-/// target.
+/// V = max(l, −g), so V > 0 wherever g < 0. If an obstacle covers the target, the set is therefore
+/// empty.
 #[test]
 fn an_obstacle_that_covers_the_target_is_refused() {
     let depth = |[x, y]: [f64; 2]| hypot(x, y) - 0.7;
@@ -213,7 +214,7 @@ fn an_obstacle_that_covers_the_target_is_refused() {
     let of = |region| refused(new().with_avoid(Region::Static(region)));
     assert_eq!(of(&depth), say("avoid", "negative", "target"));
     assert_eq!(of(&|_| -1.0), say("avoid", "negative", "grid"));
-    // A function with the old sign convention, where the new one is expected.
+    // This function has the old sign convention, but the new one is expected.
     assert_eq!(of(&positive_inside), say("avoid", "negative", "target"));
     #[allow(deprecated, reason = "it still means what it meant")]
     let old = |region| new().with_obstacle(Region::Static(region));

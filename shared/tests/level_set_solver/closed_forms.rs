@@ -3,9 +3,9 @@
 use super::*;
 
 /// Error bound where V has a kink. The upwind scheme at speed 1 has the numerical diffusion D = Δx
-/// (1 − cfl)/2. After T seconds, it has raised max(y, 0) at y = 0 to √(D · T/π). In addition, the
-/// bottom of a valley initially rises by half a cell. The errors of schemes of higher order are
-/// smaller in the end, and within two cells from the start.
+/// (1 − cfl)/2. After T seconds, diffusion has raised max(y, 0) at y = 0 to √(D · T/π). In
+/// addition, the bottom of a valley initially rises by half a cell. Higher-order schemes have
+/// smaller errors in the end, and errors of at most two cells from the start.
 pub(crate) fn kink_bound(dx: f64, cfl: f64, seconds: f64, scheme: Scheme) -> f64 {
     if scheme == Scheme::Upwind {
         0.5 * dx + (0.5 * dx * (1.0 - cfl) * seconds / PI).sqrt()
@@ -44,8 +44,8 @@ fn an_interval_grows_at_full_speed() {
     }
 }
 
-/// ẋ = c on a circle, without players. V(x, T) = l(x + cT) backward and l(x − cT) forward. T is one
-/// and a third revolutions.
+/// ẋ = c on a circle, without players. Backward, V(x, T) = l(x + cT). Forward, V(x, T) = l(x − cT).
+/// The profile travels around the circle one and a third times.
 #[test]
 fn a_profile_travels_around_a_periodic_axis() {
     let game = Drift { drift: [1.5], speed: [0.0] };
@@ -61,8 +61,8 @@ fn a_profile_travels_around_a_periodic_axis() {
     }
 }
 
-/// The minimum of |x + vt + (effect of u)| over |u| ≤ a at exactly time t. The input u moves the
-/// final position by at most at²/2 in either direction.
+/// The minimum of |x(t)| at exactly time t, over |u| ≤ a. The input u moves the final position by at
+/// most at²/2 in either direction.
 pub(crate) fn least_distance([x, v]: [f64; 2], a: f64, t: f64) -> f64 {
     ((x + v * t).abs() - 0.5 * a * t * t).max(0.0)
 }
@@ -88,7 +88,8 @@ fn a_double_integrator_reaches_a_strip() {
                 }
                 least - radius
             };
-            // Here, neither trajectories nor the smearing of a kink come near the ends of the grid.
+            // In this region, neither trajectories nor the smearing of a kink come near the ends of
+            // the grid.
             let inside = |[x, v]: [f64; 2]| x.abs() < 2.5 && v.abs() < 1.5;
             let mut coarse: Option<Errors> = None;
             for half in [40, 80] {
@@ -111,9 +112,9 @@ fn a_double_integrator_reaches_a_strip() {
     }
 }
 
-/// The minimum of |z(T)| of the double integrator, by the Hopf formula. It is the maximum over unit
-/// vectors p of p·Φz − a ∫₀ᵀ |p₁ s + p₂| ds, or 0 if this maximum is negative. In other words, it
-/// is the distance of Φz from the convex set that the input can compensate.
+/// The minimum of |z(T)| for the double integrator, by the Hopf formula: the maximum over unit
+/// vectors p of p·Φz − a ∫₀ᵀ |p₁ s + p₂| ds, or 0 if this maximum is negative. It is the distance
+/// of Φz from the convex set of displacements that the input can compensate.
 pub(crate) fn least_range([x, v]: [f64; 2], a: f64, t: f64) -> f64 {
     let margin = |angle: f64| {
         let (p2, p1) = sin_cos(angle);
@@ -208,8 +209,8 @@ fn a_ball_is_reached_in_four_dimensions() {
     }
 }
 
-/// Two double integrators at once, each of which must be in its strip at T. The inputs are
-/// independent, so V is the larger of the two closed forms.
+/// Two double integrators, each of which must be in its strip at T. The inputs are independent, so
+/// V is the larger of the two closed forms.
 #[test]
 fn two_double_integrators_reach_a_square() {
     let (a, radius, seconds) = (1.0, 0.4, 0.8);
@@ -264,7 +265,7 @@ fn a_wall_keeps_off_what_lies_behind_it() {
         };
         let bound = kink_bound(dx, settings(scheme).cfl, seconds, scheme);
         assert!(all.max <= bound, "{all:?}");
-        // The set ends at −3.5, where nothing is in the way, and at the wall, at 1.5. Nothing comes
+        // The set extends from −3.5, on the side without a wall, to the wall at 1.5. Nothing comes
         // through the wall.
         let edge_bound = if scheme == Scheme::Upwind { 2e-4 } else { 1e-4 };
         assert!(within("free edge", -4.5, -3.4) <= edge_bound);
@@ -296,7 +297,7 @@ fn a_moving_interval_is_met() {
         };
         assert!(all.max <= kink_bound(dx, settings(scheme).cfl, seconds, scheme), "{all:?}");
         // The edges of the set are at −2 and 2.375. Ahead of the interval, V equals the target
-        // function, whatever the stages of a time step are.
+        // function at every stage of a time step.
         assert!(within("behind", -4.5, -1.9) <= 5e-5);
         assert!(within("ahead", 2.275, 4.5) <= 1e-12);
     }

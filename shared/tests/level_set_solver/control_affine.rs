@@ -22,8 +22,8 @@ fn compare<const D: usize>(
             let found = solved::<f64, D, _>(&affine, &settings);
             assert_eq!(found.steps, expected.steps);
             let worst = gap(&expected, &found);
-            // The error of single precision depends on the march. The game written by hand shows
-            // its size.
+            // How large single-precision errors are depends on the march, so measure them with the
+            // hand-written game.
             let hand_single = gap(&expected, &solved::<f32, D, _>(&hand, &settings));
             let single = gap(&expected, &solved::<f32, D, _>(&affine, &settings));
             let name = scheme.name();
@@ -145,7 +145,7 @@ fn bad_games_are_refused() {
     let one = Grid { axes: [Axis::bounded(0.0, 1.0, 1)] };
     assert_eq!(ControlAffine::new(one, |_| [0.0]).unwrap_err().field, "grid.axes[0].nodes");
 
-    // Other grids than the game's, with nodes elsewhere or outside.
+    // The nodes of these grids differ from the nodes of the game's grid, or lie outside it.
     for other in [Axis::bounded(-1.0, 1.0, 6), Axis::bounded(-1.5, 1.5, 7)] {
         let (game, target) = (still(), |[x, _]: [f64; 2]| x);
         let problem = problem(&game, [other, axes[1]], &target, (Kind::Set, BACKWARD), 1.0);

@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// Moore's mountain car: a car in a valley that is too weak to drive straight out of it, with ẋ =
-/// v, v̇ = 0.0015 u − 0.0025 cos 3x, |u| ≤ 1. Its goal is x ≥ 0.45, including everything beyond the
+/// Moore's mountain car: ẋ = v, v̇ = 0.0015 u − 0.0025 cos 3x, |u| ≤ 1. The car is in a valley, and
+/// is too weak to drive straight out of it. Its goal is x ≥ 0.45, including everything beyond the
 /// grid on that side.
 struct Valley;
 
@@ -129,8 +129,8 @@ fn it_says_which_values_depend_on_what_is_outside() {
 }
 
 /// For ẋ = −1, only nodes whose distance from the lower end is at most the horizon depend on values
-/// beyond this end. The marks are based on speeds without direction, so they include all these
-/// nodes, and as many nodes at the upper end.
+/// beyond this end. The marks ignore the direction of velocities, so they include all these nodes,
+/// and as many nodes at the upper end.
 #[test]
 fn marks_leave_no_node_out_and_are_the_same_at_both_ends() {
     let game = Drift { drift: [-1.0], speed: [0.0] };

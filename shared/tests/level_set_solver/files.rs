@@ -38,7 +38,7 @@ fn other_bytes_are_refused_by_name() {
         }
         refused(&bytes)
     };
-    // The checksums belong to the original bytes.
+    // The checksums do not match the changed bytes.
     let damaged = |name: &str| format!("{name}: expected bytes that match the archive's checksum");
     assert!(changed(b"npz/1", b"npz/2").starts_with(&damaged("meta")));
     assert!(
@@ -58,7 +58,7 @@ fn damaged_arrays_are_refused() {
     for at in 0..bytes.len() {
         let mut damaged = bytes.clone();
         damaged[at] ^= 0x40;
-        // The remaining bytes are metadata, such as the time of the archive.
+        // Damage that is not noticed is in metadata, such as the archive's time.
         if let Ok(solution) = Solution::<f32, 2>::from_npz(&damaged) {
             assert_eq!(solution, whole, "byte {at}");
             changed += 1;

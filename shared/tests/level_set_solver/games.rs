@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// A game for the twin. Its velocities change direction from place to place, it has a minimising
-/// and a maximising player, and its Hamiltonian is neither convex nor concave.
+/// A game for the comparison with the twin. The direction of its velocities varies in space, it has
+/// a minimising and a maximising player, and its Hamiltonian is neither convex nor concave.
 pub(crate) struct Twisted;
 
 impl<const D: usize> Game<D> for Twisted {

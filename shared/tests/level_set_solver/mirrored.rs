@@ -30,8 +30,8 @@ fn grid([x, y, psi]: [usize; 3], first: f64) -> Grid<3> {
     Grid { axes: [x, y, Axis::periodic(first, first + TAU, psi)] }
 }
 
-/// V solved on half of the nodes, and V solved on the whole grid, each at the end and at two
-/// earlier instants.
+/// V solved on half of the nodes, and V solved on the whole grid. Both are given at the end and at
+/// two earlier instants.
 fn both(grid: Grid<3>, scheme: Scheme, region: Region<'_, 3>, forward: bool) -> [Vec<f64>; 2] {
     let settings = Settings::new(scheme).with_threads(2).with_slices(2);
     let direction = if forward { Direction::Forward } else { Direction::Backward };

@@ -2,7 +2,8 @@
 
 use super::*;
 
-/// log₂ of the ratio of two mean errors, with `nodes` nodes per axis and with twice as many.
+/// The observed order: log₂ of the ratio of the mean errors with `nodes` and `2 * nodes` nodes per
+/// axis.
 pub(crate) fn observed_order(name: &str, nodes: usize, error: impl Fn(usize) -> Errors) -> f64 {
     let order = ln(error(nodes).mean / error(2 * nodes).mean) / LN_2;
     eprintln!("{name}: order {order:.2}");
@@ -60,8 +61,9 @@ fn each_scheme_has_its_order_before_a_kink_forms() {
 }
 
 /// A known limit of the method, which the twin shares. Where the dissipation exceeds the slope,
-/// ENO3 may choose its outermost stencils on both sides. Their fastest mode decays at 20/3 speeds
-/// per cell. TVD-RK3 is stable up to 2.51, which corresponds to a CFL number of 0.377.
+/// ENO3 may choose its outermost stencils on both sides. Their fastest mode then decays at the rate
+/// (20/3) · speed/cell. TVD-RK3 is stable up to a rate of 2.51 per time step, which corresponds to
+/// a CFL number of 0.377.
 #[test]
 fn eno3_loses_its_order_with_long_steps() {
     let order = steepening_order(Scheme::Eno3, 0.75);

@@ -17,7 +17,7 @@ fn the_pursuit_game_has_its_volume_and_its_zero_level() {
         );
         (volume_percent, mean_dx)
     };
-    // The same measures for the exact values at the same nodes.
+    // Measure the exact values at the same nodes in the same way.
     let nodes = (0..grid.len()).map(|at| exact.value(grid.node(grid.index(at))) as f32);
     let (volume, level) = report("exact", &nodes.collect::<Vec<_>>());
     assert!(volume.abs() <= 0.05 && level <= 0.01, "{volume} {level}");

@@ -35,9 +35,9 @@ fn tube<T: Real>(
 /// Number of cells by which an obstacle may seem larger if V jumps at its edge.
 const CELLS: f64 = 3.0;
 
-/// Whatever height represents an obstacle, the tube lies between two other tubes. One is the tube
-/// for the obstacle as a signed distance, the other the tube for an obstacle that is larger by some
-/// cells, the width of a jump of V. A larger obstacle only shrinks the tube.
+/// For any height of the obstacle function, the tube lies between two reference tubes. One is the
+/// tube for the signed distance of the obstacle. The other is the tube for an obstacle that is
+/// larger by a few cells, the width of a jump of V. A larger obstacle only shrinks the tube.
 fn check_heights<T: Real>(scheme: Scheme, epsilon: f64) {
     let grid = Grid { axes: axes() };
     let cell = grid.axes[0].spacing();
@@ -60,7 +60,7 @@ fn check_heights<T: Real>(scheme: Scheme, epsilon: f64) {
         }
         let share = wrong as f64 / grid.len() as f64;
         eprintln!("{} {epsilon:.0e} 1e{exponent}: {share:.4} {outside} outside", scheme.name());
-        // The error of a low wall is at most its height.
+        // The error that a low wall causes is at most its height.
         if height >= 1.0 {
             assert!(outside == 0, "{scheme:?} {height}: {outside}");
             assert!(share < 0.025, "{scheme:?} {height}: {share}");
@@ -186,8 +186,8 @@ fn a_wall_above_the_target_is_as_good_as_any_other() {
 }
 
 /// An obstacle only raises V. States that are unreachable without walls must therefore stay
-/// unreachable beside walls, around them, and in passages between them. The fields have discs, and
-/// passages of one node or more along either axis.
+/// unreachable beside walls, around them, and in passages between them. The walls include discs,
+/// and passages that are one or more nodes wide along either axis.
 #[test]
 fn no_wall_opens_a_way() {
     let axes = [Axis::bounded(-3.0, 3.0, 61), Axis::bounded(-2.0, 2.0, 41)];
@@ -234,7 +234,7 @@ fn no_wall_opens_a_way() {
     }
 }
 
-/// A target {l ≤ 0}, given as the minimum of l over a rectangle around a point, with these half
+/// The target {l ≤ 0}, given by the minimum of l over a rectangle with this centre and these half
 /// sides.
 type Least = fn([f64; 2], [f64; 2]) -> f64;
 
@@ -247,8 +247,8 @@ fn square(x: f64) -> f64 {
     x * x
 }
 
-/// Targets with a slope of 1, and targets whose slopes increase, differ by axis, or are low at the
-/// target and high elsewhere.
+/// Targets with a slope of 1, targets whose slope increases or differs by axis, and targets with a
+/// low slope at the target and a high slope elsewhere.
 const TARGETS: [Least; 6] = [
     |[x, _], [a, _]| gap(x, a, 0.0) - 0.5,
     |[x, y], [a, b]| hypot(gap(x, a, 0.0), gap(y, b, 0.0)) - 0.5,
@@ -339,7 +339,7 @@ fn no_wall_opens_a_way_beside_a_steep_target() {
                 instants.map(|k| at(x, 0.01 * f64::from(k) * seconds)).fold(f64::INFINITY, f64::min)
             })
             .collect();
-        // A front is accurate to half a cell. This corresponds to half of the maximum difference
+        // A front is accurate to half a cell, so the bound is half of the maximum difference
         // between the node and its neighbours.
         let close_to = |at: usize| {
             let index = grid.index(at);

@@ -99,13 +99,13 @@ fn at_a_kink_it_stays_between_the_nodes() {
     for i in 0..=1000 {
         let x = -1.0 + f64::from(i) / 500.0;
         let error = solution.value([x]).unwrap() - ridge([x]);
-        // A quarter of the spacing (0.1) times the jump of the slope (2).
+        // The bound is a quarter of the spacing (0.1) times the jump of the slope (2).
         assert!((-1e-12..=0.05).contains(&error), "{x}: {error}");
     }
 }
 
-/// Between two walls, V stays between the values at the nodes, however high the walls are and
-/// wherever they are on the grid.
+/// Between two walls, V stays between the values at the nodes, for any height and position of the
+/// walls.
 #[test]
 fn between_two_walls_it_stays_between_the_nodes() {
     for (height, free) in [(3.0, 1.5), (100.0, 1.5), (1e5, -0.4), (1e9, 1e-3)] {
@@ -165,7 +165,7 @@ fn slices_are_shorter_marches() {
     assert!((slope(0.3125) - (0.75 * slope(0.25) + 0.25 * slope(0.5))).abs() < 1e-12);
 }
 
-/// The clock of a region runs forward in both directions of the march.
+/// The clock time of a region runs forward in both directions of the march.
 #[test]
 fn regions_go_by_either_time() {
     let (game, axes) = drifting();
@@ -225,8 +225,7 @@ fn the_games_know_their_optimal_inputs() {
     check_players(&RelativeDubins(game), (&[[-0.8, 0.8]], &[[-0.5, 0.5]]));
 }
 
-/// A mass that follows the solution's inputs by the clock ends as close to the target as V
-/// predicts.
+/// A mass that applies the solution's inputs over time ends as close to the target as V predicts.
 #[test]
 fn its_inputs_steer_to_the_target() {
     let game = DoubleIntegrator { acceleration_mps2: 1.0 };

@@ -16,8 +16,8 @@ pub(crate) struct Twin<'a, const D: usize, G> {
     pub(crate) slope: Cell<f64>,
     /// Whether the obstacle has had a jump so far.
     pub(crate) jumps: Cell<bool>,
-    /// Closeness of each node to jumps whose height the slope hides: 8 at the jump, and one less
-    /// per cell. Empty if there are no such jumps.
+    /// How close each node is to a jump whose height the slope hides: 8 at the jump, decreasing by
+    /// one per cell. Empty if there are no such jumps.
     pub(crate) near: RefCell<Vec<f64>>,
 }
 
@@ -77,14 +77,14 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
                         && is_rough)
     }
 
-    /// Differences along `axis` above this are far steeper than the target.
+    /// Differences along `axis` above this value are far steeper than the target.
     fn steep(&self, axis: usize) -> f64 {
         4.0 * self.slope.get() * self.problem.grid.axes[axis].spacing()
     }
 
-    /// Finds jumps, and marks the jumps at passages. At a jump, the obstacle at `time`, clamped to
-    /// the target's values, changes between two neighbours by more than a quarter of its range, and
-    /// by more than four times as much as on both sides.
+    /// Finds jumps, and marks the jumps at passages. The obstacle at `time` is first clamped to the
+    /// target's values. At a jump, it changes between two neighbours by more than a quarter of its
+    /// range, and by more than four times the changes on both sides.
     fn look(&self, time: f64) {
         let (grid, Some(avoid)) = (&self.problem.grid, &self.avoid) else { return };
         if self.problem.kind == Kind::Tube {
@@ -384,8 +384,8 @@ pub(crate) fn compare_with_twin<const D: usize>(axes: [Axis; D], seconds: f64) {
             }
             mean_single = mean_single.max(sum / twin.len() as f64);
         }
-        // ENO chooses between stencils. Rounding errors decide a tie, and the derivative then
-        // jumps.
+        // ENO chooses between stencils. In a tie, rounding errors decide, and the derivative may
+        // jump.
         let [mean, max] = match scheme {
             Scheme::Upwind => [1e-7, 1e-6],
             Scheme::Weno5 => [1e-6, 5e-6],
@@ -401,7 +401,7 @@ pub(crate) fn compare_with_twin<const D: usize>(axes: [Axis; D], seconds: f64) {
 
 #[test]
 fn the_twin_agrees_in_one_dimension() {
-    // The axes have more cells than one of the solver's blocks, and fewer.
+    // Some axes have more cells than one of the solver's blocks, and others have fewer.
     compare_with_twin([Axis::periodic(0.0, TAU, 601)], 0.1);
     compare_with_twin([Axis::bounded(-2.1, 2.4, 57)], 0.5);
     compare_with_twin([Axis::bounded(-2.1, 2.4, 57).with_boundary(Boundary::Constant)], 0.5);

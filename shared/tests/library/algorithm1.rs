@@ -98,7 +98,7 @@ impl Problem {
 fn widenings(rng: &mut SeededRng) -> Vec<f64> {
     let mut epsilon = vec![if rng.below(3) == 0 { 0.0 } else { rng.uniform(0.0, 0.5) }];
     for _ in 0..rng.below(5) {
-        // Equal sets are allowed.
+        // Equal widenings are allowed.
         let step = if rng.below(4) == 0 { 0.0 } else { rng.uniform(0.0, 0.3) };
         epsilon.push(epsilon[epsilon.len() - 1] + step);
     }
@@ -154,7 +154,7 @@ fn shares_of_trajectories_ascend_to_one() {
         let (least, most) = problem.motion.human_turn_rate;
         let mut inside = vec![0; found.sets.len()];
         for _ in 0..20 {
-            // Some drive at random, and some near the bounds before widening.
+            // Some trajectories are random, and others stay near the bounds before widening.
             let wide = rng.uniform(0.0, 0.5);
             let inputs: Vec<f64> = (found.raw.iter())
                 .map(|&(lo, hi)| rng.uniform(lo - wide, hi + wide + 1e-9).clamp(least, most))
@@ -203,10 +203,10 @@ impl ActionModel for Undecided {
     }
 }
 
-/// Not a theorem, because the paper's roll-outs follow the bounds of F_1 itself, so a wider F_1
-/// evaluates the model in other states. Here, the roll-outs with ε_1 = 0.16 rad/s leave the states
-/// in which the human is undecided between left and right. The resulting set does not contain the
-/// set with ε_1 = 0.15.
+/// No theorem excludes this, because the paper's roll-outs follow the bounds of F_1 itself: a wider
+/// F_1 evaluates the model in other states. Here, the roll-outs with ε_1 = 0.16 rad/s leave the
+/// states in which the human is undecided between left and right. The resulting set does not
+/// contain the set with ε_1 = 0.15.
 #[test]
 fn with_the_papers_rollouts_a_larger_epsilon_can_give_a_smaller_set() {
     let history = [JointState { human: Pose::new(0.0, 0.0, 0.0), robot: Pose::new(9.0, 0.0, 3.0) }];

@@ -73,8 +73,8 @@ fn rows(family: &str) -> Vec<&'static ParetoRow> {
     rows
 }
 
-/// The area of everything that is reachable is 16/3 m² (closed form of reference/shfrs), and every
-/// trajectory is inside.
+/// The worst-case set has an area of 16/3 m² (closed form of reference/shfrs), and contains every
+/// trajectory.
 #[test]
 fn the_worst_case_holds_everything() {
     for row in rows("worst case") {
@@ -118,8 +118,8 @@ fn areas_and_levels_grow_with_the_target() {
     }
 }
 
-/// Nested sets have increasing areas. The bounds here are hard for the front: steps that exclude
-/// straight driving follow each other, with a bound that is nearly but not exactly 0.
+/// Nested sets have increasing areas. The bounds are a hard case for the front, because successive
+/// steps exclude straight driving, with one bound that is close to 0 but not 0.
 #[test]
 fn areas_grow_with_the_level() {
     let rate = 0.5;

@@ -88,7 +88,7 @@ fn only_what_changed_is_computed_again() {
     assert_eq!(study.run(&settings, &cache, &go_on).unwrap(), first);
     assert_eq!(cache.computed(), 0);
 
-    // Without the parts beyond the paper, nothing is new.
+    // Without the parts beyond the paper, nothing new is computed.
     settings.paper_only = true;
     let papers = study.run(&settings, &cache, &go_on).unwrap();
     assert_eq!(cache.computed(), 0);
@@ -96,19 +96,19 @@ fn only_what_changed_is_computed_again() {
     assert!(papers.unseen.is_empty() && papers.importance.is_empty());
     settings.paper_only = false;
 
-    // Another grid affects one family, on every set.
+    // Another grid affects one model family, on every feature set.
     settings.grids.tree_depth.pop();
     study.run(&settings, &cache, &go_on).unwrap();
     assert_eq!(cache.computed(), 2 * (9 + 3));
 
-    // Another set adds only this set, in each family.
+    // An additional feature set is computed once per family, and nothing else is computed.
     let features = FeatureSet::of(&["distance", "robot_ahead", "robot_left"]).unwrap();
     settings.sets.push(NamedSet { name: "place".into(), features });
     let further = study.run(&settings, &cache, &go_on).unwrap();
     assert_eq!(cache.computed(), 2 * 4);
     assert_eq!(further.comparison.cells.len(), 2 * 2 * 5 * 10);
 
-    // The leakage adds the other split, of one set.
+    // The leakage check adds the other kind of split, for one feature set.
     settings.leakage = true;
     study.run(&settings, &cache, &go_on).unwrap();
     assert_eq!(cache.computed(), 2 * 4);

@@ -203,7 +203,7 @@ fn zero_on_the_barriers_of_the_reference() {
 
 /// The angle by which a vehicle turns between two decisions (rad). On the kink, a pursuer that
 /// decides first may choose the wrong side for one step. This costs it up to 2·|∂V/∂ψ| times this
-/// angle. With |∂V/∂ψ| ≤ ρ there, the cost is less than the 10⁻³ ρ that is allowed.
+/// angle. On the kink, |∂V/∂ψ| ≤ ρ, so the cost is less than the allowed 10⁻³ ρ.
 const TURN_OF_A_STEP: f64 = 4e-4;
 
 /// How much worse than V the outcome of a play may be (turning radii).
@@ -212,7 +212,8 @@ const SLACK: f64 = 1e-3;
 /// Number of plays against each habit.
 const PLAYS: usize = 120;
 
-/// Duration of a play (half-circle turns). Optimal play ends within one half circle.
+/// Duration of a play, in units of the time for a half circle. Optimal play ends within one half
+/// circle.
 const HALF_CIRCLES: f64 = 1.5;
 
 /// The vehicle that is driven.
@@ -374,8 +375,8 @@ fn nearest_of_segment([ax, ay]: [f64; 2], [bx, by]: [f64; 2]) -> f64 {
     hypot(ax + share * ux, ay + share * uy)
 }
 
-/// The minimum range (m) minus R of a play from `state`. The driver under test decides first, and
-/// the other driver may know this decision.
+/// The minimum range during a play from `state`, minus R (m). The driver under test decides first,
+/// and the other driver may know this decision.
 fn play(
     game: &ExactValue,
     state: [f64; 3],
@@ -406,8 +407,8 @@ fn play(
     nearest - game.radius_m()
 }
 
-/// A state on the kink near this state, found by bisection in y. Returns this state if there is no
-/// kink.
+/// Finds a state on the kink near the given state, by bisection in y. Returns the given state if
+/// there is no kink.
 fn kink(game: &ExactValue, [x, y, psi]: [f64; 3]) -> [f64; 3] {
     let mut ends = [-2.0, 2.0].map(|by| y + by * turning_radius_m(game));
     let turns_right = |y: f64| game.analyze([x, y, psi]).evader_turn < 0.0;
@@ -434,8 +435,8 @@ fn start(game: &ExactValue, index: usize, rng: &mut SeededRng) -> [f64; 3] {
     }
 }
 
-/// Lets `tested` play optimally against every habit of the other driver. Its loss, which is the
-/// difference of the outcome from V to its disadvantage, must be within the slack.
+/// Lets `tested` play optimally against every habit of the other driver. The loss is how much worse
+/// than V the outcome is for `tested`. It must be within the slack.
 fn check_play(tested: Role, seed: u64, loss: impl Fn(f64) -> f64) {
     for habit in HABITS {
         let mut rng = SeededRng::new(seed);
@@ -617,7 +618,7 @@ proptest! {
         let found = paper().analyze([range * cos, range * sin, psi]);
         prop_assert!((found.value - range).abs() <= 1e-15 * range);
         prop_assert!(found.gradient.iter().all(|p| p.is_finite()));
-        // The same holds where the square of the range overflows.
+        // V is also correct where the square of the range overflows.
         let (x, y) = (1e300 * cos, 1e300 * sin);
         prop_assert!((paper().value([x, y, psi]) / 1e300 - 1.0).abs() <= 1e-15);
     }

@@ -81,7 +81,8 @@ fn the_first_round_is_the_best_stump() {
     let tree = &file.trees[0];
     assert_eq!(tree.questions.feature[0] as usize, best.1);
     let threshold = tree.questions.threshold[0];
-    // The definition tries midpoints. Between two values that occur, all thresholds are equivalent.
+    // The definition tries midpoints. All thresholds between two adjacent values split the rows
+    // equally.
     let side = |t: f64| -> Vec<bool> { (0..30).map(|i| values[2 * i + best.1] <= t).collect() };
     assert_eq!(side(threshold), side(best.2));
     for (found, expected) in tree.value[1..].iter().zip(best.3) {
@@ -121,7 +122,7 @@ fn folds_choose_what_predicts_trials_that_were_not_seen() {
         let (model, chosen) = fit_by_folds(&samples, &folds, &[2, 3], &settings).unwrap();
         assert_eq!(model.rounds(), chosen.rounds);
         assert!(chosen.rounds > 0 && chosen.rounds < settings.rounds);
-        // Patience only ends the search early.
+        // Patience only stops the search early, so more patience chooses the same rounds.
         let patient = settings.with_patience(60).with_rounds(150);
         assert_eq!(fit_by_folds(&samples, &folds, &[2, 3], &patient).unwrap().1, chosen);
         // Compute the loss of the chosen number of rounds directly, with one fold after another
@@ -166,7 +167,7 @@ fn little_to_learn_from_gives_little_models() {
         assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-12);
         p
     };
-    // If there is only one class, it is likely, but the others are not impossible.
+    // If only one class occurs, it gets a high probability, but the other classes do not get 0.
     let p = probabilities(1, &[1.0, 2.0, 3.0], &[1, 1, 1], 3, &[2.0]);
     assert!(p[1] > 0.8 && p[0] > 0.0 && p[0] == p[2], "{p:?}");
     // The features are constant.

@@ -97,7 +97,7 @@ fn a_path_ends_where_fits_on_their_own_do() {
             let apart = furthest(&numbers(model), &alone);
             assert!(apart < 1e-9, "C = {c}: {apart:e} apart");
         }
-        // Also in reverse order, with repetitions and jumps.
+        // The values of C may also be in any order, with repetitions and jumps.
         let order = [1e2, 1e2, 1e-3, 1.0];
         for (&c, model) in order.iter().zip(fit_path(&samples, &order, settings).unwrap()) {
             let alone = numbers(&fit(&samples, c, settings).unwrap());

@@ -12,8 +12,8 @@ fn p_values_are_those_of_scipys_permutations() {
     assert!(apart.wilcoxon < 1e-12, "{:e}", apart.wilcoxon);
 }
 
-/// A choice of C, with our numbers of correct rows, and scikit-learn's smallest and largest
-/// numbers.
+/// A choice of C, with the numbers of correctly predicted rows: ours, and scikit-learn's minimum
+/// and maximum.
 fn choice(c: f64, ours: [usize; 2], least: [usize; 2], most: [usize; 2]) -> Choice {
     let right = |[cv, test]: [usize; 2]| Right { cv, test };
     Choice {

@@ -56,8 +56,8 @@ fn probabilities_do_as_well_as_scikit_learns() {
             }
         }
         assert!(ours / rows < theirs / rows + 1e-3);
-        // Their SVMs are solved to a tolerance of 10⁻³, on rows that are standardised over all
-        // folds together.
+        // scikit-learn's SVMs are solved to a tolerance of 10⁻³, on rows that are standardised over
+        // all folds together.
         assert!(classes == 3 || farthest < 5e-3, "{farthest}");
     }
 }
@@ -71,7 +71,7 @@ fn fit_calibrated(rows: &[f64], target: Target<'_>, folds: &[usize], gamma: f64)
     fit(WIDTH, rows, target, settings, sigmoids).expect("SVMs")
 }
 
-/// Random rows around overlapping centres, some of them twice.
+/// Random rows around overlapping centres, with some duplicates.
 fn random_rows(seed: u64, count: usize, width: usize, classes: usize) -> (Vec<f64>, Vec<usize>) {
     let mut rng = SeededRng::new(seed);
     let mut values = Vec::new();
@@ -144,7 +144,8 @@ fn libsvm_finds_the_same_svms() {
                     let apart = (decision - expected).abs();
                     assert!(apart < rounding, "seed {seed} {kernel:?} {c}: {decision} {expected}");
                 }
-                // On equal votes, libsvm-rs takes the last class, and libsvm and we take the first.
+                // If votes are equal, libsvm-rs takes the last class, while libsvm and this library
+                // take the first.
                 let mut votes = vec![0; classes];
                 for ((a, b), decision) in pairs(classes).zip(&decisions) {
                     votes[if *decision > 0.0 { a } else { b }] += 1;
@@ -255,7 +256,7 @@ fn poor_data() {
         let (narrow_scale, narrow) = train(1, &[1.0, 2.0, 2.5, 1.2], &labels).unwrap();
         let (a, b) = (svm.decisions(&scale, &[1.4, 7.0]), narrow.decisions(&narrow_scale, &[1.4]));
         assert!((a[0] - b[0]).abs() < 1e-6);
-        // Rows of both classes are equal, and the larger class wins.
+        // Both classes have the same feature values, so the larger class wins.
         let same = vec![3.0; 10];
         let (scale, svm) = train(1, &same, &[0, 1, 1, 0, 1, 1, 1, 0, 1, 1]).unwrap();
         assert_eq!(svm.class(&scale, &[3.0]), 1);

@@ -7,8 +7,8 @@ use sidestep::learn::tree::{TreeSettings, grow, grow_each};
 use sidestep::math::SeededRng;
 use sidestep::predict::tree::{Tree, TreeFile};
 
-/// The reference's trees were compared with five other trees with random tie-breaks; more trees
-/// find more ties. Rows on which a thousand trees agree must also be equal here.
+/// The reference flags rows by comparing its trees with five other trees with random tie-breaks.
+/// More trees find more ties. On rows on which a thousand trees agree, our tree must agree too.
 fn agrees_with_scikit_learn(experiment: usize) {
     let apart = apart::trees(experiment);
     assert_eq!(apart.rows, 500 * PEOPLE);

@@ -128,7 +128,8 @@ fn a_seed_names_its_people() {
     assert!((person.weights.iter().sum::<f64>() - 1.0).abs() < 1e-15);
 }
 
-/// A vehicle on top of the other one has no bearing. Nevertheless, all states must be finite.
+/// If both vehicles are at the same position, the bearing is undefined. Nevertheless, all states
+/// must be finite.
 #[test]
 fn nothing_becomes_infinite() {
     let parameters = SceneParameters::default();

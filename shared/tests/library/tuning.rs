@@ -75,7 +75,7 @@ fn every_guarantee_is_kept_on_trajectories_that_nothing_was_chosen_by() {
             // This is one test with 72 trajectories. Its confidence interval must not exclude p.
             assert!(found.coverage.high >= p, "{found:?}");
             assert!((0.0..=1.0).contains(&found.epsilon));
-            // Smaller than the worst-case set.
+            // The area is smaller than the area of the worst-case set.
             assert!(found.mean_area_m2 > 0.0 && found.mean_area_m2 < 16.0 / 3.0, "{found:?}");
             assert!(found.statement.contains("72 trajectories"));
         }
@@ -117,8 +117,8 @@ fn the_adaptive_set_needs_less_area_than_the_worst_schedule() {
     }
 }
 
-/// Online, tuned settings give the same sets as offline. Plans that are reported as clear are
-/// touched at most as often as the guarantee allows.
+/// Tuned settings give the same sets online as offline. Humans touch plans that are reported as
+/// clear at most as often as the guarantee allows.
 #[test]
 fn what_was_tuned_predicts_online() {
     const STEP: usize = 12;
@@ -138,8 +138,8 @@ fn what_was_tuned_predicts_online() {
     // The last set admits every turn rate.
     assert_eq!(bounds.outside(), [1.0 - found.p, 1.0 - found.p, 0.0]);
     assert!((bounds.outside()[0] - 0.1).abs() < 1e-12);
-    // The tolerance of 5 mm, the heading tolerance over half a step (0.2 m), and a turn of up to 1
-    // rad/s during that half step.
+    // The margin consists of the tolerance of 5 mm, the heading tolerance over half a step (0.2 m),
+    // and a turn of up to 1 rad/s during that half step.
     assert!((0.01..0.02).contains(&bounds.margin_m()), "{}", bounds.margin_m());
     assert!(bounds.statement().starts_with(&found.statement));
 

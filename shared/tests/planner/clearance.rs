@@ -147,8 +147,8 @@ fn a_robot_that_stands_ahead_or_aside() {
     }
 }
 
-/// Behind the human, sets are not convex. Drives that switch once between the bounds reach the rear
-/// boundary. A robot crosses there.
+/// A robot crosses behind the human, where sets are not convex. Drives that switch once between the
+/// bounds reach the rear boundary.
 #[test]
 fn a_robot_behind_is_seen_as_the_switching_drives_come_near() {
     const ACCURACY_M: f64 = 0.005;

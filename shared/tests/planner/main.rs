@@ -53,7 +53,7 @@ fn any_bounds(class: Class, rng: &mut SeededRng) -> InputBounds {
 }
 
 /// The start, and the poses after each of the `parts` parts of every step. The turn rates change at
-/// random. They are one of the bounds, or any admissible rate.
+/// random. Each rate is either one of the bounds or any admissible rate.
 fn any_drive(
     start: Pose,
     class: Class,
@@ -79,7 +79,7 @@ fn any_drive(
     poses
 }
 
-/// A random plan with speeds (also backward) and turn rates, starting near the origin.
+/// A random plan that starts near the origin, with random speeds (also backward) and turn rates.
 fn any_plan(class: Class, rng: &mut SeededRng) -> Plan {
     let far = class.speed_mps * class.step_s * class.steps as f64;
     let start = Pose::new(rng.uniform(-far, far), rng.uniform(-far, far), rng.uniform(-3.0, 3.0));

@@ -137,8 +137,9 @@ fn a_human_at_another_speed_is_noticed() {
     assert_eq!((online.check_human(), online.departure()), (Ok(()), None));
 }
 
-/// A human stands in the robot's way. At step 8, the robot is over the human: their distance along
-/// the robot's way is 3 − 8 · 0.4 = −0.2 m. The sets of a human at 2 m/s are 2 m away by then.
+/// A human stands in the robot's way. At step 8, the robot is over the human, because their
+/// distance along the robot's path is 3 − 8 · 0.4 = −0.2 m. The sets assume a human at 2 m/s, so at
+/// step 8 they are 2 m away.
 #[test]
 fn nobody_who_stands_still_is_driven_over() {
     let parameters = SceneParameters::default();
@@ -167,7 +168,7 @@ fn nobody_who_stands_still_is_driven_over() {
     assert_eq!((found.largest_clear(0.0), found.of(0).at_most_m), (None, f64::NEG_INFINITY));
     let why = Departure::Speed { measured_mps: 0.0, vehicle_mps: 2.0 };
     assert_eq!((found.unproved(), online.departure()), (Some(why), Some(why)));
-    // There is no bound on the probability of a collision either.
+    // The probability of a collision has no bound either.
     let scores = Scores::new(vec![0.0; 100]).unwrap();
     let tolerance = Tolerance::default();
     let bounds =
@@ -178,7 +179,7 @@ fn nobody_who_stands_still_is_driven_over() {
     let other = Plan::driven(robot, &[(2.0, 0.0); STEPS], 0.1, super::FREE).unwrap();
     assert_eq!(online.clear(&other, &footprint).unwrap_err().field, "plan.step_s");
 
-    // With `assume_vehicle`, the caller nevertheless gets these numbers.
+    // With `assume_vehicle`, the caller gets these numbers anyway.
     assumed.predict().unwrap();
     let found = assumed.clear(&plan, &footprint).unwrap();
     assert!(found.unproved().is_none() && found.by_step(1)[8].at_least_m > 1.9);
@@ -189,7 +190,7 @@ fn nobody_who_stands_still_is_driven_over() {
     assert_eq!(online.push(walks), Ok(Continuity::Continues));
     online.predict().unwrap();
     assert!(online.clear(&plan, &footprint).unwrap().unproved().is_none());
-    // A jump discards the history, and nothing is proven either.
+    // A jump discards the history, and again nothing is proven.
     let away = JointState { human: Pose::new(4.0, 0.0, 0.0), robot };
     assert_eq!(online.push(away), Ok(Continuity::Restarted));
     online.predict().unwrap();
@@ -307,7 +308,7 @@ fn touches_are_as_rare_as_the_bound_says() {
         );
         assert!(said > 0.02, "{alpha}: is anything promised?");
     }
-    // Leaving F_1 leads to touches, so the test would detect a bound that is much too low.
+    // Drives that leave F_1 cause touches, so the test would detect a bound that is much too low.
     assert!(touched[4] > 0.02, "{touched:?}");
 }
 

@@ -1,4 +1,4 @@
-//! Callers cancel the work on sets.
+//! Callers can cancel computations on sets.
 
 use super::{origin, set};
 use core::ops::ControlFlow;
@@ -93,7 +93,7 @@ fn a_question_of_membership_is_cancelled() {
     }
 }
 
-/// Every query stays within the work limit. What is undecided then is open.
+/// Every query stays within the work limit. States that are not decided within the limit stay open.
 #[test]
 fn the_work_on_a_state_is_bounded() {
     let bounds = InputBounds::new(vec![-PI; 100], vec![PI; 100], (-PI, PI)).unwrap();

@@ -24,7 +24,7 @@ pub(crate) struct Case {
     /// Distance of a point on the reference's boundary from our boundary (m), and its tolerance.
     pub(crate) boundary_m: f64,
     pub(crate) boundary_allowed_m: f64,
-    /// How far such a point is inside our set (m).
+    /// How far a point on the reference's boundary is inside our set (m).
     pub(crate) inside_m: f64,
     /// Error of the signed distance of a queried position from the boundary (m).
     pub(crate) margin_m: f64,
@@ -33,9 +33,9 @@ pub(crate) struct Case {
     /// Queries of positions, and of full states.
     pub(crate) planar: Queries,
     pub(crate) full: Queries,
-    /// Only for the case with coarse chords in the reference's rear boundary: how far points of
-    /// this boundary are outside the true set (m). For this case, `boundary_m` compares the
-    /// reference with our set with the same chords.
+    /// Only for the case in which the reference draws the rear boundary with coarse chords: how far
+    /// points of this boundary are outside the true set (m). In this case, `boundary_m` compares
+    /// the reference with our set drawn with the same chords.
     pub(crate) coarse_rear_m: Option<f64>,
 }
 
@@ -112,8 +112,8 @@ const QUERY: Tolerance = Tolerance { position_m: 1e-3, heading_rad: 1e-3 };
 
 /// In this case, the reference draws the rear boundary with straight chords between the ends of
 /// paths that switch from the highest to the lowest rate at thirds of a step. The chords are behind
-/// the true rear boundary by more than the file's tolerance. Nothing there is reachable, see the
-/// random inputs in `properties.rs`.
+/// the true rear boundary by more than the file's tolerance. Positions between the two are not
+/// reachable, as the random inputs in `properties.rs` show.
 const COARSE_REAR: usize = 4;
 
 impl Reference {

@@ -52,8 +52,8 @@ impl Class {
         InputBounds::new(lo, hi, (-most, most)).expect("bounds in order and in range")
     }
 
-    /// Like [`Self::bounds`], but half of the steps exclude straight driving, by nearly nothing up
-    /// to a tenth of the highest rate.
+    /// Like [`Self::bounds`], but half of the steps exclude straight driving, by between almost
+    /// nothing and a tenth of the highest rate.
     #[allow(dead_code, reason = "the benchmark has no use for it")]
     pub(crate) fn grazing(&self, rng: &mut SeededRng) -> InputBounds {
         let any = self.bounds(rng);

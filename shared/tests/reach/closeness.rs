@@ -9,7 +9,7 @@ use sidestep::reach::{Outline, PolygonSettings, ReachableSet, Workspace};
 use sidestep::vehicle::Pose;
 
 /// Checks the tube and the last step. A conservative polygon with a tenth of the accuracy contains
-/// the set, and exceeds it by about that much. Returns how far its farthest vertex is outside the
+/// the set, and exceeds it by about this tenth. Returns how far its farthest vertex is outside the
 /// polygon of extremals, divided by the accuracy.
 fn check(set: &ReachableSet, accuracy_m: f64) -> f64 {
     let exact = PolygonSettings::new(accuracy_m, 4).unwrap();

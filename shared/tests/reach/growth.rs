@@ -114,8 +114,8 @@ fn a_conservative_polygon_exceeds_little() {
     assert!(farthest <= 10.0 * settings().accuracy_m(), "{farthest}");
 }
 
-/// Near every boundary point, some input ends that switches between the bounds and straight
-/// driving. These inputs are enumerated with 6 sub-steps per step, over three steps.
+/// For every boundary point, some input that switches between the bounds and straight driving ends
+/// nearby. These inputs are enumerated with 6 sub-steps per step, over three steps.
 #[test]
 fn enumerated_inputs_reach_every_boundary_point() {
     const PARTS: usize = 6;
@@ -207,7 +207,7 @@ fn sums_with_a_disc() {
     assert!(excess(area(&square[..1], 3.0), disc));
     assert!(excess(area(&square[..2], 3.0), 2.0 * 2.0 * 3.0 + disc));
     assert!(excess(area(&square, 0.0), 4.0));
-    // The sum fills a bay that is narrower than the disc.
+    // The sum fills a bay of the polygon that is narrower than the disc.
     let bay = [[0.0, 0.0], [3.0, 0.0], [3.0, 2.0], [2.0, 2.0], [1.5, 0.5], [1.0, 2.0], [0.0, 2.0]];
     let grown = minkowski_disc(&bay, 1.0, 1e-3).expect("a sum");
     assert!(signed_distance(&grown, [1.5, 2.0]) < 0.0);

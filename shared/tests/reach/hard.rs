@@ -1,6 +1,6 @@
 //! Sets for deliberately hard bounds: steps without a choice, bounds that just exclude or just
 //! admit straight driving, and up to 50 steps. Drives that get as far out as possible stay inside.
-//! They are constructed by methods that the library does not use.
+//! The tests construct these drives by methods that the library does not use.
 
 use super::{SPEED_MPS, STEP_S, origin, set};
 use sidestep::math::{SeededRng, cos};

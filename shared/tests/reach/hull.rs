@@ -1,4 +1,4 @@
-//! The convex hulls, which take little work, and the work limit.
+//! Convex hulls, which need little work, and the work limit.
 
 use super::{any_drive, random_pose};
 use sidestep::bounds::InputBounds;
@@ -120,8 +120,8 @@ fn farthest(polygon: &[[f64; 2]], [x, y]: [f64; 2], phi: f64) -> f64 {
     along.fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// An independent computation, by quadrature instead of the closed form. It includes uncertain
-/// starts.
+/// Compares hulls with an independent computation, which uses quadrature instead of the closed
+/// form. Includes uncertain starts.
 #[test]
 fn a_hull_gets_as_far_as_the_best_headings_do() {
     let mut rng = SeededRng::new(61);
@@ -168,8 +168,8 @@ fn a_drive_touches_the_hull_in_every_direction() {
             let (mut pose, mut turn, mut farthest_yet) = (start, 0.0, 0.0_f64);
             for rate in &rates {
                 let turning_s = ((phi.abs() - turn) / rate).clamp(0.0, step_s);
-                // First until the heading is perpendicular to the direction, where the vehicle
-                // stops moving away, and then until it faces the direction.
+                // Turn until the heading is perpendicular to the direction, where the vehicle stops
+                // moving away, and then until the vehicle faces the direction.
                 let across_s = ((phi.abs() - 0.5 * PI - turn) / rate).clamp(0.0, turning_s);
                 for seconds in [across_s, turning_s - across_s] {
                     pose = dubins::arc(pose, speed_mps, rate * phi.signum(), seconds);
@@ -187,8 +187,8 @@ fn a_drive_touches_the_hull_in_every_direction() {
     }
 }
 
-/// The vertices of polygons of extremals are reachable, so a hull contains them. The test has no
-/// bounds that just exclude straight driving.
+/// The vertices of polygons of extremals are reachable, so a hull contains them. The test does not
+/// use bounds that just exclude straight driving.
 #[test]
 fn a_hull_contains_what_follows_the_boundary() {
     let mut rng = SeededRng::new(63);

@@ -89,8 +89,8 @@ fn conservative_polygons_contain_drives_at_large_turns_per_step() {
     }
 }
 
-/// How far outside (m) a drive may be, and how far it is at most: for the last step, and for the
-/// tube after every part of the drive.
+/// Pairs of the allowed and the measured maximum distance of a drive outside the polygon (m). The
+/// first pair is for the last step, and the second for the tube after every part of the drive.
 fn misses(case: &Case, settings: PolygonSettings) -> [(f64, f64); 2] {
     let (set, parts) = (case.set(), case.inputs.len() / case.lo.len());
     let (mut workspace, mut polygon) = (Workspace::default(), Vec::new());
@@ -175,8 +175,8 @@ fn a_tube_contains_its_own_steps_under_bounds_of_two_parts() {
                 let Outline::Refined { margin_m } = outline else { panic!("step {step}") };
                 let outside = polygon.iter().map(|vertex| signed_distance(&tube, *vertex));
                 let most = outside.fold(f64::NEG_INFINITY, f64::max);
-                // Both polygons deviate by at most the accuracy, or the step's polygon contains its
-                // set.
+                // Either both polygons deviate by at most the accuracy, or the step's polygon
+                // contains its set.
                 let allowed = if margin_m > 0.0 { 16.0 * accuracy_m } else { 2.0 * accuracy_m };
                 assert!(most <= allowed, "{most} m, step {step} of {lo:?} {hi:?}");
             }
@@ -230,9 +230,9 @@ fn a_polygon_misses_no_drive_that_switches_twice() {
     }
 }
 
-/// Bounds that exclude straight driving by less than 10⁻⁴ rad/s once counted as admitting it,
-/// however long the steps were. This set, with headings from 0.09 to 0.3 rad, then contained
-/// positions that are 4.5 m outside.
+/// Bounds that exclude straight driving by less than 10⁻⁴ rad/s once counted as admitting it, even
+/// over long steps. The polygon of this set, whose headings are from 0.09 to 0.3 rad, then
+/// contained positions that are 4.5 m outside the set.
 #[test]
 fn long_steps_that_forbid_driving_straight_do() {
     let of = |lo: f64, hi: f64, steps, speed_mps, step_s| {
@@ -250,7 +250,7 @@ fn long_steps_that_forbid_driving_straight_do() {
     assert_eq!(of(9e-5, 9e-5, 100, 2.0, 0.2).step_polygon(100, settings).len(), 1);
 }
 
-/// At accuracies below 10⁻⁷ s of travel, extremals missed drives by 0.35 to 3.6 mm.
+/// At accuracies below the distance travelled in 10⁻⁷ s, extremals missed drives by 0.35 to 3.6 mm.
 #[test]
 fn a_polygon_of_high_accuracy_misses_no_fast_drive() {
     let lo = [

@@ -40,8 +40,8 @@ fn origin() -> Pose {
     Pose::new(0.0, 0.0, 0.0)
 }
 
-/// The poses after each of the `parts` parts of every step. The inputs change at random. They are
-/// one of the bounds, or any admissible rate.
+/// The poses after each of the `parts` parts of every step. The inputs change at random. Each input
+/// is either one of the bounds or any admissible rate.
 fn random_drive(
     start: Pose,
     lo: &[f64],

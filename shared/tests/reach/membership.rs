@@ -102,8 +102,8 @@ fn what_no_enumerated_input_comes_near_is_outside() {
                 })
                 .collect();
         }
-        // The heading difference of neighbours in the cloud, whose rates differ by one interval in
-        // one part.
+        // The heading difference between neighbours in the cloud. The rates of neighbours differ by
+        // one interval in one part.
         let apart = (2.0 * RATE_RADPS / (RATES - 1) as f64) * STEP_S / 2.0;
         let (mut outside, mut inside) = (0, 0);
         for _ in 0..400 {
@@ -280,7 +280,8 @@ fn an_uncertain_start_holds_what_any_of_its_poses_leads_to() {
                 let inside = decided == Membership::Inside;
                 open += usize::from(decided == Membership::Open);
                 assert!(inside || !found, "{start:?} {aside:?}");
-                // Perhaps only few starts lead to the state. Random starts need only get near it.
+                // Possibly only few starts lead to the state, so random starts need only get near
+                // it.
                 let near = Tolerance { position_m: 0.08, heading_rad: 0.04 };
                 assert!(!inside || found || any(near), "{start:?} {aside:?}");
                 outside += usize::from(!inside);

@@ -1,7 +1,7 @@
-//! The guarantees, tested against drives that try to break them, with up to half a turn per step
-//! and up to 100 steps. Conservative polygons and convex hulls contain every drive. Other polygons
-//! miss no drive by more than their accuracy. Every state of a drive is a member. Drives also
-//! change their rates within steps.
+//! Tests the guarantees with drives that try to break them, with up to half a turn per step and up
+//! to 100 steps. Conservative polygons and convex hulls contain every drive. Other polygons miss no
+//! drive by more than their accuracy. Every state of a drive is a member. Some drives change their
+//! rates within steps.
 
 use super::classes::{CLASSES, Class};
 use super::region::Region;
@@ -69,8 +69,8 @@ impl Subject {
     }
 
     /// How far inside the polygons a drive stays (m), and where it ends. The last position is
-    /// compared with the polygons of the last step, and the positions from part `from` on with
-    /// those of the tube. If the margin exceeds `least`, returns `least`.
+    /// compared with the polygons of the last step. The positions from part `from` on are compared
+    /// with the polygons of the tube. If the margin exceeds `least`, returns `least`.
     fn margin(&self, shares: &[f64], from: usize, mut least: f64) -> (f64, Pose) {
         let mut end = origin();
         for (part, pose) in self.poses(shares).enumerate() {
@@ -113,7 +113,8 @@ impl Subject {
                 open = (found == Membership::Open).then_some(end);
             }
         }
-        // For one in four sets, search for a proof for a state that the curves miss.
+        // For one in four sets, run the full membership test on a state that the limited test
+        // leaves open.
         let missed = open.filter(|_| rng.below(4) == 0).is_some_and(|state| {
             !self.set.contains_state(self.lo.len(), state, Tolerance::default())
         });

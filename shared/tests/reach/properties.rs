@@ -204,7 +204,7 @@ fn without_a_choice_the_set_is_a_path() {
 }
 
 /// If a bound is close to zero, a long piece of the front belongs to extremals that hardly differ
-/// at their ends. Their switching times must be accurate to all digits.
+/// at their ends, so their switching times must be accurate to all digits.
 #[test]
 fn a_tube_with_a_bound_close_to_zero() {
     let (mut lo, mut hi) = ([0.0; 25], [0.0; 25]);
@@ -229,7 +229,7 @@ fn one_step_and_none() {
     assert_eq!(one.step_polygon(0, PolygonSettings::default()), [[0.0, 0.0]]);
     let polygon = one.step_polygon(1, PolygonSettings::default());
     let area = signed_area(&polygon);
-    // Case 0 of the reference, up to its sampling error.
+    // The area equals the area of the reference's case 0, up to its sampling error.
     assert!((area - 4.04e-6).abs() < 1e-7, "{area}");
 }
 

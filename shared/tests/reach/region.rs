@@ -72,8 +72,8 @@ impl Region {
 
     fn cell(&self, middle: [f64; 2]) -> Cell {
         let signed_m = signed_distance(&self.polygon, middle);
-        // The edge nearest to a position in the cell is farther from the centre than the centre's
-        // nearest edge by at most twice half the cell's diagonal (√½ sides).
+        // The edge nearest to a position in the cell may be farther from the centre than the
+        // centre's nearest edge, but by at most the cell's diagonal (√2 sides).
         let within_m = signed_m.abs() + 1.5 * self.side_m;
         let near = edges(&self.polygon).filter(|edge| distance(edge, middle) <= within_m);
         Cell { margin_m: self.allowed_m - signed_m, near: near.collect() }
@@ -122,7 +122,8 @@ mod tests {
             let [x0, y0, x1, y1] = bounding_box(&polygon).unwrap();
             let region = Region::new(polygon.clone(), 0.01);
             for place in 0..1000 {
-                // Anywhere, also outside the bounding box, and at or near the boundary.
+                // Positions are anywhere, also outside the bounding box, or at or near the
+                // boundary.
                 let corner = polygon[rng.below(polygon.len())];
                 let position = match place % 3 {
                     0 => [rng.uniform(x0 - 0.1, x1 + 0.1), rng.uniform(y0 - 0.1, y1 + 0.1)],

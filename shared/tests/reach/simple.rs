@@ -76,7 +76,8 @@ fn check(lo: &[f64], hi: &[f64], (speed_mps, step_s): (f64, f64), rng: &mut Seed
     }
 }
 
-/// Includes bounds without a choice, for which tubes begin as lines and sets are single positions.
+/// Includes bounds without a choice. Their tubes begin as lines, and their sets are single
+/// positions.
 #[test]
 fn no_polygon_meets_itself() {
     let mut rng = SeededRng::new(91);

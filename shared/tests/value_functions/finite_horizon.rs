@@ -115,8 +115,8 @@ fn a_grid_for_a_finite_horizon_holds_what_matters() {
     assert!(standard.0 < 0.02, "{standard:?}");
 }
 
-/// The volume is computed from the interpolated function, so it is accurate on coarse nodes too.
-/// Sums along one axis were 0.2 % too large there.
+/// The volume is computed from the interpolated function, so it is also accurate on coarse nodes.
+/// Sums along one axis were 0.2 % too large on such nodes.
 #[test]
 fn the_volume_on_coarse_nodes_is_right() {
     let grid = CartesianGrid::new([51, 40, 50], [-6.0, 20.0, -10.0, 10.0]);

@@ -144,7 +144,8 @@ fn beyond_the_grid_the_deficit_is_that_of_its_edge() {
         let radial = far.gradient[0] * x / r + far.gradient[1] * y / r;
         assert!((radial - 1.0).abs() < 1e-9);
     }
-    // On a Cartesian grid, the deficit is that of the nearest point of the box.
+    // Beyond a Cartesian grid, the deficit equals the deficit at the nearest point of the grid's
+    // box.
     let grid =
         CartesianGrid::new([21, 21, 16], [-10.0, 10.0, -10.0, 10.0]).with_scheme(Scheme::Eno2);
     let options = Options::default().with_horizon(1.0).with_grid(grid);

@@ -28,8 +28,8 @@ fn polar_is_within_two_centimetres_of_the_closed_form() {
 
 #[test]
 fn polar_scales_with_the_game() {
-    // *mitchell* has a turning radius of 5 m and R = 5 m. These lengths are 5/4 and 5/3 of those of
-    // *paper*.
+    // *mitchell* has a turning radius of 5 m and R = 5 m. These lengths are 5/4 and 5/3 of the
+    // lengths of *paper*.
     let mitchell = polar_of(game([5.0, 1.0], [5.0, 1.0], 5.0));
     let (p99, worst, count) = errors_near_zero(&mitchell, &states(2, 100_000, 25.0));
     eprintln!("mitchell: {count} states: p99 {p99:.4}, largest {worst:.4} m");

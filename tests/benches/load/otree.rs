@@ -61,7 +61,7 @@ page_sequence = [Store]
 const PAGE: &str = "{{ block content }}{{ formfields }}{{ next_button }}{{ endblock }}\n";
 
 /// Pages per participant. oTree creates all rows of a session when the session starts, so more
-/// pages make that slower.
+/// pages make the start slower.
 const ROUNDS: usize = 60;
 
 /// Measures the submissions per second over this number of connections. Returns `None` if oTree is

@@ -1,4 +1,4 @@
-//! Capacity of sites of other sizes: a queueing simulation of machines that are not available.
+//! A queueing simulation that estimates the capacity of sites on machines that are not available.
 //!
 //! Operations arrive as a Poisson process. Each operation first occupies a core of a server and
 //! then waits for a writer. A free writer takes the waiting operations, up to a batch. It processes
@@ -57,12 +57,12 @@ impl Free {
         Self(vec![0.0; count.max(1)])
     }
 
-    /// The earliest time at which one of them is free (s).
+    /// The earliest time at which a core or writer is free (s).
     fn at_s(&self) -> f64 {
         self.0.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
-    /// Occupies the one that is free first until this time (s).
+    /// Occupies the core or writer that is free first, until this time (s).
     fn hold(&mut self, until_s: f64) {
         if let Some(first) = self.0.iter_mut().min_by(|a, b| a.total_cmp(b)) {
             *first = until_s;

@@ -19,7 +19,7 @@ use tokio::time::{sleep, sleep_until};
 /// `LocalSet`.
 #[derive(Debug, Default)]
 pub struct Crowd {
-    /// The servers of the study. Successive connections go to successive servers.
+    /// The servers of the study. New connections use them in turn.
     servers: RefCell<Vec<SocketAddr>>,
     turn: Cell<usize>,
     /// People who have trials left to drive.
@@ -217,7 +217,7 @@ impl Crowd {
             let servers = self.servers.borrow();
             servers[turn % servers.len()]
         };
-        // Connections come from different addresses, like those of a real crowd. All addresses in
+        // Connections come from different addresses, as in a real crowd. All addresses in
         // 127.0.0.0/8 belong to this machine.
         let [fourth, third, ..] = turn.to_le_bytes();
         Connection::open(server, Some([127, 0, third, fourth.max(1)].into())).await
@@ -397,7 +397,7 @@ impl Crowd {
     }
 
     /// Removes the next person who has trials left to drive. Returns `None` if time is over. If
-    /// nobody is left, also ends the time for all connections.
+    /// nobody is left, also ends the run for all connections.
     fn next(&self) -> Option<Person> {
         if self.is_over() {
             return None;

@@ -26,7 +26,7 @@ pub fn at_most(figure: f64, target: f64, unit: &str) -> String {
 /// thus delays all requests that become due during the stall, not only the request in progress.
 #[derive(Debug)]
 pub struct Latencies {
-    /// In µs, with three significant digits.
+    /// Latencies of answered requests (µs), with three significant digits.
     answered: Histogram<u64>,
     /// Number of refused requests. Their latency counts as infinite.
     refused: u64,

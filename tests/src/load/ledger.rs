@@ -10,7 +10,7 @@ use std::collections::{HashMap, HashSet};
 /// Result of a comparison with the database.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Comparison {
-    /// Number of acknowledged trials, without those of people who asked for deletion.
+    /// Number of acknowledged trials, except trials of people who asked for deletion.
     pub acknowledged: usize,
     /// Number of trials that were acknowledged but are not stored.
     pub lost: usize,

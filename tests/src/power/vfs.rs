@@ -31,7 +31,7 @@ fn system() -> *mut ffi::sqlite3_vfs {
 /// Registers the recording layer as the default for all databases opened from now on.
 fn register() -> usize {
     // SAFETY: the VFS that SQLite returns lives as long as the process. The registered VFS is a
-    // copy of it with other functions, and is leaked, so it lives as long.
+    // copy with other functions. It is leaked, so it also lives as long as the process.
     unsafe {
         let system = ffi::sqlite3_vfs_find(null_mut());
         assert!(!system.is_null(), "SQLite has no file layer");

@@ -127,7 +127,8 @@ async fn a_study_is_analysed_as_by_the_command() {
         }
     }
 
-    // Reports can be viewed, but their policy permits nothing. Other files are downloads.
+    // Reports can be viewed, but their content security policy permits no scripts and loads
+    // nothing. Other files are downloads.
     let report = file(&server, &asked.id, "report.html").await;
     let policy = report.headers()["content-security-policy"].to_str().unwrap().to_owned();
     assert!(policy.contains("default-src 'none'") && !policy.contains("script"), "{policy}");
@@ -295,8 +296,8 @@ async fn people_who_cannot_be_compared_are_named() {
         assert_eq!(straight.send(&server, &id, &trial).await.status, 201);
     }
     assert_eq!(straight.scenes().len(), TASKS);
-    // One trial was not driven in the planned scene. The participant is compared, and the trial is
-    // reported.
+    // One trial was not driven in the planned scene. The comparison includes the participant, and
+    // reports the trial.
     let elsewhere = Driver::enrol(&server).await;
     for (i, (id, mut scene)) in elsewhere.scenes().into_iter().enumerate() {
         scene.human.x += if i == 3 { 1.0 } else { 0.0 };

@@ -304,7 +304,7 @@ async fn features_that_do_not_go_with_somebodys_trials_leave_them_out() {
         assert_eq!(printed["participants"], 1);
     }
 
-    // The reference's features fit its trials. A file without rows or with a wrong header is
+    // The reference's features match its trials. A file without rows or with a wrong header is
     // rejected.
     let (code, _, said) =
         analyze(&["--trials", &trials, "--features", &data("features.csv")], &out).await;
@@ -324,8 +324,8 @@ async fn features_that_do_not_go_with_somebodys_trials_leave_them_out() {
     }
 }
 
-/// Everything else is consistent: positions, speeds, inputs, and the relative heading of the
-/// vehicles.
+/// Apart from the unit of headings, everything is consistent: positions, speeds, inputs, and the
+/// relative heading of the vehicles.
 #[tokio::test]
 async fn headings_in_degrees_are_refused() {
     let folder = TempDir::new().unwrap();
@@ -393,7 +393,7 @@ async fn states_that_no_inputs_explain_are_refused() {
     assert!(said.contains("trials.csv: omega: expected") && said.contains("the opposite of omega"));
 }
 
-/// Safety levels for other vehicles than the driven ones would look like valid results.
+/// Safety levels computed for vehicles other than the driven ones would look like valid results.
 #[tokio::test]
 async fn trials_of_other_vehicles_are_not_taken_for_these() {
     let folder = TempDir::new().unwrap();

@@ -102,7 +102,7 @@ async fn a_form_is_checked_by_field_and_written_as_a_study_file() {
     let read = check(&server, &written.toml.unwrap(), Some(&present.hash)).await;
     assert_eq!((read.complaint, read.config), (None, Some(entered)));
 
-    // Whatever the input, the complaint names the field, and the form is kept.
+    // For every invalid input, the complaint names the field, and the form keeps its content.
     for (path, value, in_text) in [
         ("/phases/0/scenes", json!(0), true),
         ("/phases/0/scenes", json!(null), false),
@@ -168,7 +168,7 @@ async fn a_study_is_made_changed_closed_and_kept_over_a_restart() {
     let why = make(&server, "slug = \"third\"\nphases = 3").await;
     assert!(why.problem(422, "invalid", Some("toml")).starts_with("line 2: phases: expected"));
     assert_eq!((made.versions.len(), made.versions[0].number), (1, 1));
-    // People can take part at once.
+    // People can take part immediately.
     let body = json!({ "consent": true });
     let first =
         Driver { enrolled: Driver::ask_in(&server, "second", body.clone()).await.into(201) };

@@ -86,7 +86,7 @@ async fn what_a_lost_database_left_in_its_log_is_not_lost() {
     }
     assert_eq!(folder.text("lost.db-wal"), "the only copy of a trial");
     std::fs::remove_file(folder.name("lost.db")).unwrap();
-    // A backup is not written under that name either.
+    // A backup under that name is also refused.
     let onto = ["backup", "--database", &server.database(), "--out", &folder.name("lost.db")];
     run(&onto).await.refused(1, &["lost.db: cannot write", "write-ahead log", "another folder"]);
     // An empty file without a log counts as a missing database.

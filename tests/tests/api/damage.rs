@@ -196,12 +196,14 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
         let (said, lost) = salvaged(&damaged, &before).await;
         assert!(lost.is_empty(), "page {page}: {}", said.err);
     }
-    // Another page of the table over its root page hides its rows. The index still names them.
+    // If another page of the table is written over the table's root page, its rows are hidden. The
+    // index still names them.
     let root = root_of(&file, "trial").await;
     let damaged = with_page(&file, "hidden.db", root, |at| content[leaf * PAGE + at]);
     let (said, lost) = salvaged(&damaged, &before).await;
     assert!(lost.len() > before.len() / 2 && names_all(&said, &lost), "{}", said.err);
-    // A schema page is also restored if only a sector of it is lost, or another page was written over it.
+    // A schema page is also restored if only one of its sectors is lost, or if another page was
+    // written over it.
     let schema = schema_leaves(&file)[0];
     for page in [schema, root_of(&file, "mark").await, root_of(&file, "_sqlx_migrations").await] {
         for sector in [0..512, PAGE - 512..PAGE] {
@@ -264,7 +266,8 @@ async fn altered_configurations_and_value_functions_are_named() {
         assert!(names_all(&said, &lost), "{}", said.err);
         (said, lost)
     };
-    // Such a configuration still gives the trials, and gets the hash of its content.
+    // The trials of an altered configuration are still saved, and the configuration gets the hash
+    // of its content.
     let title = format!(
         "UPDATE study_config SET json = replace(json, '\"title\":\"', '\"title\":\"X') \
          WHERE hash = {of_imported}"

@@ -155,8 +155,8 @@ async fn a_configuration_is_known_by_what_was_stored() {
     let server = Server::on_a_file(SHORT_STUDY).await;
     let database = server.database();
     let stopped = server.stop().await;
-    // The stored configuration lacks a field that this version writes, and has another order, as if
-    // the field were new.
+    // The stored configuration lacks a field that this version writes, and its fields have another
+    // order, as if an earlier version had stored it.
     let otherwise = r#"{ "title": "Short", "slug": "default",
         "phases": [{ "phase": "task", "scenes": 2 }],
         "parameters": { "steps": 50, "step_s": 0.2, "danger_radius_m": 3.0,

@@ -164,7 +164,7 @@ async fn a_demonstration_that_was_killed_goes_on_and_is_the_same() {
     server.kill().await;
     let expected = drives(&whole).await;
 
-    // Kill the server while participants drive, and after some have withdrawn or were screened out.
+    // Kill the server while participants drive, and after some have withdrawn or been screened out.
     for trials in [50, 200] {
         let server = Process::start_demo(&broken).await;
         until_status(&server, &broken, |stored, _| stored >= trials).await;

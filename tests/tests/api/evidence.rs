@@ -1,4 +1,4 @@
-//! Data that a participant's computer records are stored and flagged, whatever they contain.
+//! Whatever a participant's computer records, the data are stored and flagged.
 
 use reqwest::Method;
 use serde_json::{Value, json};
@@ -31,7 +31,7 @@ async fn trials_of_odd_computers_are_stored_and_flagged() {
     let cases: [(Change<'_>, Value); 5] = [
         (Box::new(|trial| trial.started_at_ms = -5.0), json!(["wrong_clock"])),
         (Box::new(|trial| trial.started_at_ms = 1e300), json!(["wrong_clock"])),
-        // 200 presses in 0.8 s.
+        // 200 key presses in 0.8 s.
         (
             Box::new(|trial| trial.key_events = (0..400).map(pressed).collect()),
             json!(["fast_keys"]),

@@ -54,7 +54,8 @@ async fn every_row_is_the_references() {
             ("avoid", "y2"),
         ] {
             let apart = (number(own, name) - number(reference, other)).abs();
-            // Slightly more than half a digit, because decimal fractions are not exact in binary.
+            // Allow slightly more than half a digit, because decimal fractions are not exact in
+            // binary.
             let allowed = half_a_digit(&reference[other]) + 1e-12;
             assert!(apart <= allowed, "{name}: {} for {}", own[name], reference[other]);
         }

@@ -272,7 +272,7 @@ async fn metrics_are_for_this_machine_and_for_keys() {
     Answer::of(get("192.0.2.7")).await.problem(401, "unauthorized", None);
     assert_eq!(Answer::of(get("192.0.2.7").bearer_auth(&server.key)).await.status, 200);
     let direct = Server::with_study(SHORT_STUDY).await;
-    // Invented methods share one label, so they cannot fill the memory.
+    // Unknown methods share one label, so they cannot fill the memory.
     for number in 0..3 {
         let method = Method::from_bytes(format!("BREW{number}").as_bytes()).unwrap();
         assert_eq!(Answer::of(direct.request(method, "/start")).await.status, 405);

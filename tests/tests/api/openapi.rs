@@ -26,7 +26,7 @@ impl Document {
         methods.collect()
     }
 
-    /// A validator for the body of a response, which allows no undocumented fields.
+    /// A validator for the body of a response. It allows no undocumented fields.
     pub(crate) fn validator(&self, method: &Method, path: &str, status: u16) -> Option<Validator> {
         let operation = &self.0["paths"][path][method.as_str().to_lowercase()];
         let answer = &operation["responses"][status.to_string()];

@@ -81,8 +81,8 @@ async fn the_list_says_how_far_everybody_is_and_what_to_look_at() {
     assert_eq!((of(1).understood, of(1).comprehension_attempts), (true, 1));
     assert_eq!((of(1).quality.failed_checks, of(6).quality.failed_checks), (0, 1));
     assert_eq!((of(3).stored, of(3).planned, of(3).waiting), (3, 5, 0));
-    // The key times of the fourth participant's first task equal those of the participant's
-    // warm-up, and of no other earlier trial. All later tasks have the same key times.
+    // The key times of the fourth participant's first task equal the key times of the participant's
+    // warm-up, but of no other earlier trial. All later tasks have the same key times.
     let quality = of(4).quality;
     assert_eq!((quality.always_steered, quality.never_steered, quality.same_timing), (3, 0, 3));
     let quality = of(5).quality;
@@ -163,7 +163,7 @@ async fn trials_that_wait_in_a_browser_are_shown_until_they_are_sent() {
     assert_eq!(send(first, "?waiting=3").await.status, 201);
     assert_eq!(waiting().await, 3);
     assert_eq!(people(&server, "having=waiting").await.total, 1);
-    // The response was lost, and in the meantime another trial has joined those that wait.
+    // The response was lost, and meanwhile another trial has joined the waiting trials.
     assert_eq!(send(first, "?waiting=4").await.status, 200);
     assert_eq!(waiting().await, 4);
     assert_eq!(send(second, "").await.status, 201);

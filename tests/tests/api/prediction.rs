@@ -292,8 +292,8 @@ async fn bounds_with_other_actions_an_adaptive_set_and_unequal_vehicles() {
 
 #[tokio::test]
 async fn bounds_names_what_is_wrong() {
-    // A model of whether a person turns does not predict the direction, so only experiment 1 is
-    // accepted.
+    // A model that only predicts whether a person turns does not predict the direction, so only
+    // experiment 1 is accepted.
     let whether = |experiment: u8| {
         let mut predictor = bounds()["predictor"].clone();
         predictor["experiment"] = json!(experiment);

@@ -104,7 +104,7 @@ async fn models_are_listed_and_say_what_they_have_to_do_with_a_trial() {
         assert_eq!(it.newest_task, newest[it.participant as usize - 1]);
     }
 
-    // The numbers equal those of cells.csv, and the file exists.
+    // The numbers equal the numbers in cells.csv, and the model's file exists.
     let cells = server.admin_text(&routes::analysis_file(&id, "cells.csv")).await;
     for it in &all.predictors {
         let head = format!("{},{},{},{},", it.model, it.experiment, it.features, it.participant);

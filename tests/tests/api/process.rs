@@ -100,7 +100,7 @@ async fn imported(folder: &Folder) -> (String, String) {
     (trials, db)
 }
 
-/// For bad input the exit code is 2. For a failure with valid input it is 1.
+/// The exit code is 2 for bad input, and 1 for a failure with valid input.
 #[tokio::test]
 async fn exit_codes_tell_bad_input_from_failures() {
     let folder = Folder::default();

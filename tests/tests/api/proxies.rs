@@ -81,8 +81,8 @@ async fn behind(kind: Kind) {
     }
 }
 
-/// Checks for faults that only a proxy can cause, with host names, schemes, paths around its rules,
-/// and streams.
+/// Checks for faults that only a proxy can cause: in host names, schemes, paths that bypass its
+/// rules, and streams.
 async fn what_the_proxy_says(front: &Front, key: &str) {
     let to = |method, route: &str| front.address.request(method, route);
     let redirected = front.plain.request(Method::GET, "/s/default?x=1").send().await.unwrap();

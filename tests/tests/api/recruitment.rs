@@ -543,7 +543,7 @@ async fn a_check_of_understanding_is_drawn_for_each_attempt() {
             driver.put(&server, routes::COMPREHENSION, &body).await.into(200);
         assert_eq!((stored.screened_out, stored.after_wrong), (false, AfterWrong::Renew));
     }
-    // There are six questions, each with one right answer, whatever the order of the options.
+    // There are six questions, each with one right answer, for any order of the options.
     assert_eq!(right.len(), 6, "{right:?}");
     assert!(seen.len() > 15, "{}", seen.len());
     let me: Progress = driver.me(&server).await.into(200);
@@ -558,8 +558,8 @@ async fn whoever_began_in_a_language_goes_on_in_it() {
     let server = Server::with_study(&study("")).await;
     let body = json!({ "consent": true, "locale": "es" });
     let driver = Driver { enrolled: Driver::ask(&server, body).await.into(201) };
-    // The configuration as an earlier version stored it, with all languages but a consent text only
-    // in English.
+    // Store the configuration as an earlier version did. It offers all languages, but has a consent
+    // text only in English.
     behind(&server.database())
         .execute(
             "UPDATE study_config SET json = replace(json, '\"text\":{}', '\"text\":{\"en\":\"Hello\"}')",

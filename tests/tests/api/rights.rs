@@ -76,8 +76,8 @@ async fn who_knows_the_external_id_ends_and_replaces_nothing() {
         let stored = driver.put(&server, routes::COMPREHENSION, &body).await;
         stored.into::<ComprehensionStored>(200).screened_out
     };
-    // One call counts as one attempt, whatever number of attempts it states. It uses none of the
-    // owner's attempts, and can end only the caller's participation.
+    // One call counts as one attempt, even if it states more attempts. It uses none of the owner's
+    // attempts, and can end only the caller's participation.
     assert!(!check(&other, 1_000, false).await);
     let attempts = async |driver: &Driver| {
         let me: Progress = driver.me(&server).await.into(200);

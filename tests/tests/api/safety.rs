@@ -44,7 +44,7 @@ async fn solved(server: &Server, id: &str) -> TrialDetail {
             return trial;
         }
         assert!(begun.elapsed() < Duration::from_secs(600), "the server does not solve");
-        // The server answers requests meanwhile.
+        // Meanwhile, the server answers requests.
         assert_eq!(server.get("/healthz").await.status, 200);
     }
 }

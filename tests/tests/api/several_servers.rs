@@ -134,7 +134,7 @@ async fn a_guesser_gains_nothing_from_several_servers() {
         assert_eq!(guess(i).await, 401);
     }
     assert_eq!([guess(0).await, guess(1).await], [429; 2]);
-    // Users with the right key do not have to wait, at either server.
+    // Users with the right key do not have to wait at either server.
     for server in &servers {
         assert_eq!(server.admin(routes::ADMIN_STUDIES).await.status, 200);
     }

@@ -1,5 +1,5 @@
-//! `shfrs`: regions, tuning, Pareto curves and danger of recorded trials, and invalid input. The
-//! trials are those of synthetic people (`shared/tests/data/README.md`).
+//! `shfrs`: regions, tuning, Pareto curves and danger for recorded trials of synthetic people
+//! (`shared/tests/data/README.md`), and invalid input.
 
 use sidestep_tests::folder::{data, number, rows};
 use sidestep_tests::process::Said;

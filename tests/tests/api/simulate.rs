@@ -60,7 +60,7 @@ async fn drives_on_the_clock_are_imported_without_a_flag() {
         let done = run(&args).await.json();
         assert_eq!((&done["synthetic"], &done["participants"]), (&json!(true), &json!(3)));
     }
-    // The scenes are those of the reference.
+    // The scenes equal the reference's scenes.
     let start = |file: &str| -> Vec<f64> {
         let row = file.lines().nth(1).unwrap().split(',').skip(4).take(6);
         row.map(|number| number.parse().unwrap()).collect()

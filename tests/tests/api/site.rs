@@ -110,8 +110,8 @@ async fn the_first_page_names_the_open_studies() {
     assert!(home().await.contains(&first), "{}", home().await);
     make("slug = \"another\"\ntitle = \"Another\"").await;
     make("slug = \"not-yet\"\ntitle = \"Not yet\"\nstatus = \"closed\"").await;
-    // Not listed, because visitors of the page do not come from a recruiting service with an
-    // external id.
+    // This study is not listed, because visitors of the page do not come from a recruiting service
+    // with an external id.
     make("slug = \"paid\"\ntitle = \"Paid\"\n[recruitment]\nrequire_external_id = true").await;
     let page = home().await;
     assert!(page.find(&first) < page.find(&link("another", "Another")), "{page}");

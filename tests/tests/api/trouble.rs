@@ -61,7 +61,7 @@ async fn a_deleted_database_acknowledges_nothing() {
     assert_eq!(me.stored, [trial_id]);
 }
 
-/// Checks that nothing is acknowledged while nothing can be written. Then makes room, and checks
+/// Checks that nothing is acknowledged while nothing can be written. Then frees space, and checks
 /// that the participant and new participants can continue.
 #[cfg(target_os = "linux")]
 pub(crate) async fn waits_for_room(
@@ -118,7 +118,7 @@ async fn writing_goes_on_when_a_full_disk_has_room_again() {
     assert_eq!(server.get("/readyz").await.status, 200);
 }
 
-/// The file size is limited as by `ulimit -f`. At that time, SQLite's log is already longer than
+/// The file size is limited as by `ulimit -f`, at a time when SQLite's log is already longer than
 /// the limit.
 #[cfg(target_os = "linux")]
 #[tokio::test]

@@ -1,5 +1,5 @@
-//! Browser faults: nothing acknowledged is lost, nothing is stored twice, and a sentence says what
-//! the participant can expect next.
+//! Browser faults. Nothing acknowledged is lost, nothing is stored twice, and the page tells the
+//! participant what to expect next.
 
 mod network;
 mod returns;
@@ -48,7 +48,7 @@ end_s = 0.0
 standard = false
 "#;
 
-/// Opens such a study at this address, and goes on to the first scene.
+/// Opens a study like [`QUICK`] at this address, and goes on to the first scene.
 async fn take_part(tab: &Tab, url: &str) {
     tab.go(url).await;
     crate::instructed(tab).await;

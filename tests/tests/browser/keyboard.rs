@@ -77,7 +77,7 @@ async fn the_hour_with_the_keyboard_alone() {
     headed(&tab, "consent").await;
     let moving = "getComputedStyle(document.querySelector('button')).transitionDuration";
     assert_eq!(tab.eval::<String>(moving).await, "0s");
-    // A key that scrolls must not consent.
+    // A key that scrolls the page must not give consent.
     tab.key(" ").await;
     tab.key("Enter").await;
     use_key(&tab, "consent", "Enter").await;
@@ -102,7 +102,7 @@ async fn the_hour_with_the_keyboard_alone() {
     headed(&tab, "continue").await;
     use_key(&tab, "continue", "Enter").await;
 
-    // Open the question whether to withdraw from the menu, and go back.
+    // From the menu, open the question whether to withdraw, and go back.
     tab.until(&format!("document.activeElement === {}", Tab::at("start"))).await;
     tab.picture("zoomed-ready").await;
     reach(&tab, "SUMMARY").await;

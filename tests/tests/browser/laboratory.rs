@@ -36,7 +36,7 @@ async fn the_page_about_the_interface_is_read_by_everybody() {
                          .filter(name => !name.startsWith(location.origin))";
         assert_eq!(tab.eval::<Vec<String>>(elsewhere).await, Vec::<String>::new());
     }
-    // A link to a type opens it.
+    // A link to a type opens the description of the type.
     tab.go(&format!("{}{}", server.origin, routes::DOCS)).await;
     tab.run("location.hash = 'TrialUpload'").await;
     tab.until("document.getElementById('TrialUpload').closest('details').open").await;
@@ -92,7 +92,7 @@ async fn the_laboratory_goes_from_page_to_page_without_loading() {
     until_predicted(&tab).await;
     assert!(tab.eval::<String>(title).await.starts_with("default / participant 1"));
     assert_eq!(tab.eval::<String>("document.activeElement.tagName").await, "H1");
-    // The resolution of the canvas follows the canvas's size.
+    // The resolution of the canvas follows its displayed size.
     let canvas = Tab::at("replay");
     let fits = format!("{canvas}.height === {canvas}.clientHeight");
     tab.until(&fits).await;
@@ -115,8 +115,8 @@ async fn the_laboratory_goes_from_page_to_page_without_loading() {
     browser.close().await;
 }
 
-/// A replay can be recorded as a WebM file, from the press of the button to the last byte. The file
-/// is completed even if the user goes to the next trial meanwhile.
+/// A replay can be recorded as a complete WebM file. The file is completed even if the user goes to
+/// the next trial during the recording.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_replay_is_filmed() {
     let (server, browser, tab) = start(SHORT_STUDY).await;

@@ -79,7 +79,7 @@ async fn a_model_goes_from_the_list_to_a_replay() {
     let linked = search(&tab).await;
     take(&tab, "replay-held-out").await;
 
-    // The first task was used in training, so there is a warning. The time in the trial stays, and
+    // The first task was used in training, so there is a warning. The replay keeps its time, and
     // the model is in the address.
     tab.go(&format!("{}/lab/replay/{}", server.origin, drivers[1].scenes()[0].0)).await;
     until_predicted(&tab).await;

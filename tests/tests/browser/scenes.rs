@@ -16,7 +16,7 @@ async fn a_scene_from_key_press_to_predicted_set() {
     tab.before_pages(REMEMBER).await;
     begin(&tab, &server).await;
 
-    // Drive the scene, and inspect the canvas meanwhile.
+    // Drive the scene, and inspect the canvas during the drive.
     tab.press("start").await;
     tab.until_step("scene", 5).await;
     tab.key_down("ArrowLeft").await;
@@ -40,8 +40,8 @@ async fn a_scene_from_key_press_to_predicted_set() {
     assert!(trial.replay.exact, "{:?}", trial.replay);
     assert_eq!(trial.replay.max_position_error_m, 0.0);
     let lefts: Vec<_> = (0..50).filter(|&i| trial.inputs[i] == TurnInput::Left).collect();
-    // The input is left in every step that was due while the key was down. These are about 35
-    // steps; the exact number depends on the machine.
+    // The input is a left turn in every step that was due while the key was down. This takes about
+    // 35 steps; the exact number depends on the machine.
     let events = sent(&tab).await.swap_remove(0).key_events;
     let times: Vec<_> =
         events.iter().map(|event| (&event.key[..], event.down, event.t_ms)).collect();

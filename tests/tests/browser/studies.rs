@@ -111,7 +111,7 @@ async fn keys_are_made_and_revoked() {
     tab.until_says("audit", "key made").await;
     take(&tab, "access").await;
 
-    // The link of the key signs in with only this access.
+    // The key's sign-in link gives only this access.
     let link = tab.words("sign-in-link").await;
     let guest = Browser::start().await;
     let other = guest.open(&link).await;
@@ -248,8 +248,8 @@ async fn a_study_is_made_in_the_form() {
     assert!(page.words("completion-code").await.starts_with("PILOT-"));
     page.is_well().await;
     rehearsal.close().await;
-    // Participants from a recruiting service would have no way back. Therefore there is a warning,
-    // and opening takes a second press.
+    // Participants from a recruiting service would have no way back. Therefore the page warns, and
+    // opening the study takes a second press.
     tab.press("set-open").await;
     tab.until_says("opening", "completed_url").await;
     tab.press("not-yet").await;
@@ -260,7 +260,7 @@ async fn a_study_is_made_in_the_form() {
     let first: Enrolled = Driver::ask_in(&server, "in-a-form", body).await.into(201);
     assert_eq!(first.plan.scenes().count(), 18);
 
-    // Change the number for later participants. Nothing is lost by accident.
+    // Change the number for later participants. The user is asked before unsaved changes are lost.
     tab.until(&Tab::at("design")).await;
     tab.until(&Tab::at("field-phases[1].scenes")).await;
     tab.enter("field-phases[1].scenes", "10").await;

@@ -103,7 +103,7 @@ async fn slow_clients_hold_up_nobody_else() {
     quick.drive(&server, 5).await;
     assert_eq!(stored(&server, &quick).await.len(), 5);
     assert_eq!(server.get("/readyz").await.status, 200);
-    // One of them continues after all.
+    // One of the slow clients finally sends the rest.
     let mut late = waiting.swap_remove(0);
     late.write_all(&whole[whole.len() / 2..]).unwrap();
     let mut answer = [0; 12];

@@ -5,8 +5,8 @@ use sidestep::api::{Progress, routes};
 use sidestep_tests::{Answer, Driver, Folder, Process, driven, run};
 use std::path::PathBuf;
 
-/// The library that changes the time of day for a program, but not the speed of time: Debian's
-/// package `libfaketime`.
+/// The library `libfaketime` (from Debian's package of this name). It shifts a program's time of
+/// day, but does not change the speed of its clock.
 fn library() -> Option<PathBuf> {
     let folders = std::fs::read_dir("/usr/lib").ok()?.flatten();
     let mut found = folders.map(|folder| folder.path().join("faketime/libfaketime.so.1"));

@@ -28,8 +28,8 @@ async fn a_lost_a_changed_and_a_doubled_trial_are_noticed() {
     let sound = compare(&people, &database).await;
     assert!(sound.acknowledged >= 20, "{sound:?}");
     assert_eq!(sound, Comparison { acknowledged: sound.acknowledged, ..Comparison::default() });
-    // Change the bytes of the states of a trial, set the time of another trial to a time that then
-    // occurs twice, and delete a row.
+    // Overwrite the states of one trial, give another trial a start time that then occurs twice,
+    // and delete a row.
     let third = "(SELECT sequence FROM trial ORDER BY sequence LIMIT 1 OFFSET 2)";
     let change = format!(
         "UPDATE trial SET states = zeroblob(length(states)) WHERE sequence = {third}; \
@@ -57,7 +57,7 @@ async fn people_who_reload_repeat_vanish_and_withdraw_are_owed_the_same() {
         withdrawals: 40,
         seed: 3,
     };
-    // All people drive to the end of their plans, or withdraw before.
+    // All people drive to the end of their plans, or withdraw earlier.
     LocalSet::new().run_until(crowd.take_part(12, habits, 0.1, 60.0)).await;
     server.kill().await;
     assert_eq!(crowd.problems(), [""; 0]);

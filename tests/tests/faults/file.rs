@@ -123,8 +123,8 @@ async fn what_is_no_file_of_one_name_is_refused_with_the_reason() {
     assert!(files.iter().all(|name| !folder.path(name).exists()));
 }
 
-/// If the index of the log is missing, SQLite creates a new one and does not notice that the server
-/// uses another.
+/// If the index of the log is missing, SQLite creates a new index, and does not notice that the
+/// server uses another one.
 #[tokio::test]
 async fn commands_refuse_another_index_of_the_log_than_the_server_has() {
     for is_replaced in [false, true] {

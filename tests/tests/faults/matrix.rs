@@ -190,7 +190,7 @@ impl Place {
                 std::io::Write::write_all(&mut to, &bytes).unwrap();
                 if fault == Fault::CopyOverAlone {
                     for end in ["-wal", "-shm"] {
-                        // After a stop there is none.
+                        // After a clean stop, there is no such file.
                         let _ = std::fs::remove_file(self.path(&format!("sidestep.db{end}")));
                     }
                 }
@@ -432,7 +432,8 @@ async fn case(fault: Fault, moment: Moment) -> String {
         assert!(saved.iter().all(|id| known.contains(id)), "{fault:?} {moment:?}: {saved:?}");
         let of = place.acknowledged.len();
         let here = saved.intersection(&place.acknowledged).count();
-        // The log still has everything that was there before the other database was written.
+        // The log still has everything that was stored before the other database was written over
+        // this one.
         assert!(here == of || fault != Fault::RestoreInto, "{moment:?}: {here} of {of}");
         return format!("{states} | salvage saves {here} of {of}");
     }
@@ -476,7 +477,7 @@ async fn a_page_that_is_overwritten_in_place_is_noticed() {
     file.set_modified(std::time::SystemTime::now()).unwrap();
     tokio::time::sleep(Duration::from_secs(1)).await;
     assert_eq!(server.get("/readyz").await.status, 200);
-    // Overwrite a page with the browser's display data.
+    // Overwrite a page that contains the browser's display data.
     let content = std::fs::read(&path).unwrap();
     let is_of_trial = |page: &[u8]| page.windows(10).any(|part| part == b"refresh_hz");
     let page = content.chunks(4096).position(is_of_trial).unwrap() as u64;

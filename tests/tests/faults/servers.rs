@@ -88,8 +88,8 @@ impl Site {
         Database::Postgres(self.primary.url("postgres")).change(statements).await;
     }
 
-    /// Like [`Self::order`], but also ends the sessions of the servers, because they may still have
-    /// the earlier settings.
+    /// Like [`Self::order`], but also ends the sessions of the servers, because the sessions may
+    /// still use the earlier settings.
     async fn set(&self, statement: &str) {
         self.order(statement).await;
         self.order(&format!(

@@ -1,8 +1,8 @@
-//! `cargo xtask bench files`: import and export of a million steps, against the program `sqlite3` with the
-//! same rows in one table.
+//! `cargo xtask bench files`: measures import and export of a million steps. The baseline is the program
+//! `sqlite3` with the same rows in one table.
 //!
-//! The benchmark does not install `sqlite3` (Debian package `sqlite3`) and also works without it. It
-//! measures the two sides of a pair alternately and reports the run with the median time.
+//! The benchmark does not install `sqlite3` (Debian package `sqlite3`) and also works without it. Runs of
+//! Sidestep and of `sqlite3` alternate, and the run with the median time is reported.
 
 use std::fs::File;
 use std::path::Path;
@@ -34,7 +34,7 @@ const TABLE: &str = "CREATE TABLE steps (participant INTEGER, trial INTEGER, ste
 /// When the program cannot be built or run.
 pub(super) fn run(workspace: &Workspace, quick: bool) -> Result<ExitCode> {
     stage("server", workspace.compile("build").args(["--bin", "sidestep"]))?;
-    // On disk, because the system's folder for temporary files may be in memory.
+    // Use a folder on disk, because the system's folder for temporary files may be in memory.
     let folder = tempfile::tempdir_in(workspace.path("target")).context("a folder for files")?;
     let at = |name: &str| folder.path().join(name);
     let sidestep = || Command::new(workspace.server());

@@ -2,7 +2,7 @@
 //! the same grid, with the same scheme, horizon, CFL number and number of threads.
 //!
 //! `tests/peers/air3d.py` runs the peer; the library's example `air3d` runs our solver. The example
-//! measures the accuracy of both against the closed form, in the same way.
+//! measures the accuracy of both solutions against the closed form, in the same way.
 //!
 //! `cargo xtask bench peers -- --lanes avx2` limits both to the SIMD width that most machines have.
 
@@ -190,7 +190,7 @@ struct Compared {
     theirs: Option<Theirs>,
 }
 
-/// Runs the comparisons; also returns the errors of missing peers.
+/// Runs the comparisons. Also returns the errors of the peer, if it is missing or fails.
 fn compare(
     workspace: &Workspace,
     quick: bool,
@@ -237,7 +237,7 @@ fn solve_theirs(
     serde_json::from_str(&answer).with_context(|| format!("the peer's script printed {answer:?}"))
 }
 
-/// Solves `case` with our solver, and measures the peer's values in `values`.
+/// Solves `case` with our solver, and measures the accuracy of the peer's values in the file `values`.
 fn solve_ours(
     workspace: &Workspace,
     case: &Case,

@@ -2,8 +2,8 @@
 //! as a native program and as WebAssembly in headless Chromium, in the same run. Each side uses one thread,
 //! except for tuning, which uses all threads.
 //!
-//! Both sides run the web client's example `speed`. The native one is built like the server, the other like
-//! the code in the browser's page or worker. The example is not part of the site.
+//! Both sides run the web client's example `speed`. The native program is built like the server, the
+//! WebAssembly program like the code in a page or a worker. The example is not part of the site.
 
 use std::fs;
 use std::path::Path;
@@ -52,7 +52,7 @@ impl Case {
 pub(super) struct Group {
     /// Name of the group in the example.
     name: &'static str,
-    /// Where this work runs for users.
+    /// Where the site does this work.
     runs: Runs,
     cases: &'static [Case],
 }
@@ -222,8 +222,8 @@ fn figures(answer: &str) -> Result<Figures> {
     serde_json::from_str(answer).with_context(|| format!("the example answered {answer:?}"))
 }
 
-/// The table, with one line per case: the time on each side, its target and their ratio, then WebAssembly
-/// against native, and both against the baseline.
+/// Formats the table, with one line per case. For each side, it has the time, the target and their ratio. Then
+/// it has the ratio of WebAssembly to native, and the ratios of both to the baseline.
 fn table(cases: &[Case], native: &Figures, wasm: Option<&Figures>) -> String {
     let of = |figures: Option<&Figures>, name: &str| {
         figures?.iter().find(|(found, _)| found == name).map(|(_, seconds)| *seconds)

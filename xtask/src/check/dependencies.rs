@@ -1,7 +1,7 @@
 //! Checks the dependencies: licences, sources, bans and advisories.
 //!
-//! `deny.toml` has the rules, in the format of cargo-deny. This module checks licences, sources and bans,
-//! which takes a second and needs no network. cargo-deny reads the same file and reports more. Checking
+//! The rules are in `deny.toml`, in the format of cargo-deny. This module itself checks licences, sources and
+//! bans, which takes a second and needs no network. cargo-deny reads the same file and reports more. Checking
 //! advisories needs a local copy of the RustSec database and a program that reads it.
 
 use std::env;
@@ -62,7 +62,8 @@ struct Metadata {
 /// Checks every package in `Cargo.lock` that some build uses.
 ///
 /// # Errors
-/// If a package is not allowed, after printing each such package; or if an advisory affects a package.
+/// If `deny.toml` does not allow a package, or if an advisory affects a package. Prints each package that is
+/// not allowed.
 pub(super) fn run(workspace: &Workspace) -> Result<()> {
     eprintln!("==> dependencies");
     let rules = std::fs::read_to_string(workspace.path("deny.toml")).context("deny.toml")?;
@@ -113,7 +114,7 @@ fn complaints(rules: &Rules, packages: &[Package]) -> Result<Vec<String>> {
 fn advisories(workspace: &Workspace) -> Result<()> {
     let home = env::var_os("CARGO_HOME").map(PathBuf::from);
     let home = home.or_else(|| Some(PathBuf::from(env::var_os("HOME")?).join(".cargo")));
-    // Each program that reads the database, the folder of its database copy, and its offline command.
+    // For each program that reads the database: its name, the folder of its copy and its offline command.
     let readers: [(&str, &str, &[&str]); 2] = [
         ("cargo-deny", "advisory-dbs", &["deny", "--offline", "check", "advisories"]),
         ("cargo-audit", "advisory-db", &["audit", "--no-fetch", "--stale"]),

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 
 use crate::workspace::{WASM_TARGET, Workspace, stage};
 
-/// Sets of features, as arguments of cargo. The workspace itself builds with all features.
+/// Sets of features, as arguments for cargo. Builds of the workspace use all features.
 const FEATURES: [(&str, &[&str]); 2] = [
     ("no features", &["--no-default-features"]),
     ("learn", &["--no-default-features", "--features=learn"]),

@@ -1,4 +1,4 @@
-//! Replaces `{{style.css}}` in a page by the path of that asset.
+//! Replaces placeholders in a page, such as `{{style.css}}`, by the paths of the assets.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -13,8 +13,8 @@ use super::Files;
 
 /// Writes each of `files` into `folder`, with `.br` and `.gz` copies beside it.
 ///
-/// Writes the new site next to the old one and then replaces the old one by it, so that a running
-/// server never sees a partial site. Reuses the compressed copies of unchanged files. Returns the
+/// Writes the new site next to the old one and then swaps the folders, so that a running server
+/// never sees a partial site. Reuses the compressed copies of unchanged files. Returns the
 /// brotli-compressed size of each file, in bytes.
 ///
 /// # Errors
@@ -72,8 +72,9 @@ fn write(fresh: &Path, previous: &Path, path: &str, content: &[u8]) -> Result<us
     encoded("br", brotli)
 }
 
-/// Brotli at its highest quality: the smaller result of two modes. The default mode suits text. The
-/// other mode suits programs, where a byte depends on the high bits of the preceding bytes.
+/// Compresses with brotli at its highest quality, in two modes, and returns the smaller result. The
+/// default mode suits text. The other mode suits programs, where a byte depends on the high bits of
+/// the preceding bytes.
 fn brotli(content: &[u8]) -> Result<Vec<u8>> {
     let usual = brotli::enc::BrotliEncoderParams {
         quality: 11,

@@ -14,7 +14,7 @@ pub(super) fn without_space(css: &str) -> String {
     for sign in ["{", "}", ";"] {
         css = css.replace(&format!(" {sign}"), sign).replace(&format!("{sign} "), sign);
     }
-    // Space before `:` and `,` stays, because it can be significant: `a :hover`.
+    // Space before `:` and `,` stays, because it can be significant, as in `a :hover`.
     css.replace(": ", ":").replace(", ", ",").replace(";}", "}")
 }
 

@@ -26,17 +26,16 @@ impl Part {
     }
 }
 
-/// Number of last lines of a failed part that are printed again at the end. They are enough for the names of
-/// the failed tests.
+/// Number of lines at the end of a failed part's output that are printed again after all parts have run. They
+/// are enough to show the names of the failed tests.
 const SHOWN_AGAIN: usize = 30;
 
 /// Polling interval for new output of a part.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// Runs both lanes. Each runs its parts in order, even if some fail. When the first lane has ended, the
-/// parts of the second lane run two at a time. Prints the output of the first lane
-/// immediately, and the output of each part of the second lane when that part ends. Also stores all output in
-/// `folder`.
+/// Runs both lanes in parallel. Each lane runs its parts in order, even if some fail. When the first lane has
+/// ended, the parts of the second lane run two at a time. Prints the output of the first lane immediately, and
+/// the output of each part of the second lane when that part ends. Also stores all output in `folder`.
 ///
 /// # Errors
 /// If a part cannot be started or its output cannot be stored.

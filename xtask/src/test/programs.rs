@@ -31,7 +31,7 @@ impl Program {
     }
 }
 
-/// Cargo's message about an artifact, new or up to date.
+/// Cargo's message about an artifact, which is newly compiled or was up to date.
 #[derive(Deserialize)]
 struct Artifact {
     manifest_path: PathBuf,
@@ -50,9 +50,10 @@ struct Profile {
     test: bool,
 }
 
-/// Cargo's arguments for the tests in the server's package. Its own code is compiled once more for
-/// them, with little optimisation. This saves minutes, and the tests run for seconds. Cargo cannot
-/// select them alone without compiling other packages again with other features.
+/// Cargo's arguments for the tests in the server's package. The package's own code is compiled again
+/// for these tests, with little optimisation. This saves minutes, and the tests run for seconds. The
+/// arguments also select tests of other packages. If cargo selected only the server's package, it
+/// would compile dependencies again with other features.
 const OF_SERVER: [&str; 5] = [
     "--lib",
     "--test",

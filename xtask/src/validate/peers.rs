@@ -10,8 +10,8 @@ use serde_json::{Value, json};
 use crate::bench::peers::measure;
 use crate::workspace::Workspace;
 
-/// Runs every comparison of `cargo xtask bench peers`. Returns the peer's figures before ours, with
-/// the date and the machine's number of cores.
+/// Runs every comparison of `cargo xtask bench peers`. Returns the figures of both solvers (the
+/// peer's first, in each case), the date and the machine's number of cores.
 ///
 /// # Errors
 /// When a solver cannot be run.

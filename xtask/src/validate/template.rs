@@ -37,7 +37,7 @@ fn minus(text: String) -> String {
     text.replace('-', "−")
 }
 
-/// The shortest exact decimal representation.
+/// The shortest decimal representation that is parsed as the same number.
 fn plain(number: f64) -> String {
     minus(number.to_string())
 }
@@ -69,8 +69,9 @@ fn seconds(seconds: f64) -> String {
     sized(seconds, &[(1.0, 3), (10.0, 1)], 0)
 }
 
-/// Rounded to the decimal places of the first limit above the number, or else to `otherwise`
-/// places.
+/// Rounds to a number of decimal places that depends on the magnitude. `limits` lists pairs (limit,
+/// places) in ascending order, and the first limit above the magnitude counts. `otherwise` is the
+/// number of places above all limits.
 fn sized(number: f64, limits: &[(f64, usize)], otherwise: usize) -> String {
     let limit = limits.iter().find(|(limit, _)| number.abs() < *limit);
     fixed(number, limit.map_or(otherwise, |(_, places)| *places))

@@ -1,6 +1,6 @@
-//! Differences between our models and scikit-learn's models, fitted to the same rows with the same
-//! settings: B_hrd of all people. Tests bound these numbers; `cargo xtask validate learning` prints
-//! them.
+//! Differences between our models and scikit-learn's models, fitted with the same settings to the
+//! same rows (B_hrd of all people). Tests bound these numbers; `cargo xtask validate learning`
+//! prints them.
 
 use super::{Lr, PEOPLE, WIDTH, classes, lines, lowest_class, peer, peer_by_newton, person, said};
 use serde::{Deserialize, Serialize};
@@ -23,9 +23,9 @@ pub(crate) fn furthest<'a>(
 pub(crate) struct LogisticApart {
     /// Means and standard deviations for scaling.
     pub(crate) scale: f64,
-    /// Weights and intercepts, compared with scikit-learn's Newton solver. C = 0.001, 1 and 100.
+    /// Weights and intercepts for C = 0.001, 1 and 100, compared with scikit-learn's Newton solver.
     pub(crate) newton: f64,
-    /// Weights and intercepts, compared with the reference's L-BFGS solver. C = 1.
+    /// Weights and intercepts for C = 1, compared with the reference's L-BFGS solver.
     pub(crate) lbfgs: f64,
     /// Probabilities of test rows, compared with the reference.
     pub(crate) probability: f64,

@@ -49,7 +49,7 @@ pub(crate) fn ranks() -> RanksApart {
                 .filter(|cell| (&*cell.model, cell.experiment, &*cell.features) == wanted)
                 .collect()
         };
-        // The kernel that was more accurate in cross-validation.
+        // The test accuracy of the kernel that was more accurate in cross-validation.
         let better = |(rbf, linear): (&Reference, &Reference)| {
             let linear_wins = linear.cv_accuracy > rbf.cv_accuracy + 1e-12;
             if linear_wins { linear.test_accuracy } else { rbf.test_accuracy }

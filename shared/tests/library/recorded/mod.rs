@@ -22,8 +22,8 @@ pub(crate) const TASKS: usize = 50;
 pub(crate) const TRAINING: usize = 160;
 pub(crate) const CALIBRATION: usize = 120;
 
-/// The drives of the file: all tasks of the first of eight participants, then those of the next,
-/// and so on.
+/// The drives of the file: all tasks of the first participant, then all tasks of the second, up to
+/// the eighth participant.
 pub(crate) fn drives() -> Vec<Driven> {
     let mut reader = csv::Reader::from_reader(&include_bytes!("../../data/trials.csv")[..]);
     let mut drives: Vec<Driven> = Vec::new();

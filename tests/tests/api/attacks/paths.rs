@@ -68,7 +68,7 @@ pub(super) async fn case_23_formulas_in_tables(server: &Server) {
         assert!(people.contains(&format!(",'{id},")), "{id} in {people}");
         assert!(!people.contains(&format!(",{id},")), "{id} in {people}");
     }
-    // Numbers stay numbers.
+    // Negative numbers get no apostrophe, unlike formulas.
     let steps = server.export("default").await;
     assert!(steps.contains(",-") && !steps.contains(",'"), "{steps}");
 }

@@ -1,4 +1,4 @@
-//! Cuts of the network.
+//! Network interruptions.
 
 use super::{QUICK, complete, glide, participants, take_part, text};
 use crate::{equipped, send_answers, start, stored, until_saved};

@@ -6,7 +6,7 @@ use crate::{answer_check, equipped, stored};
 use sidestep::trial::Flag;
 use sidestep_tests::{Browser, Server, Tab};
 
-/// A study with every page. Each page is shown for longer than leaving takes on a busy machine.
+/// Each page is shown long enough to leave it, even on a busy machine.
 const STUDY: &str = r#"
 slug = "default"
 title = "Every page"
@@ -111,7 +111,7 @@ async fn walk(away: Away) {
     person.tab.words("arena").await;
     person.tab.press("continue").await;
 
-    // A scene that has started to move is repeated, and this is counted.
+    // A scene that has started to move is repeated, and the repetition is counted.
     person.tab.press("start").await;
     person.tab.until_step("scene", 3).await;
     person = person.back().await;

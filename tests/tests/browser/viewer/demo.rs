@@ -54,8 +54,8 @@ async fn anybody_drives_and_is_predicted() {
     browser.close().await;
 }
 
-/// Experimenters can open the demonstration from the navigation. A server without `--open-demo`
-/// offers it to no one else.
+/// Experimenters can open the demonstration from the navigation. Other people can open it only if
+/// the server has `--open-demo`.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_operator_decides_who_may_drive() {
     let server = Server::with_client_and(SHORT_STUDY, |args| args.open_demo = false).await;

@@ -48,7 +48,7 @@ async fn sets_move_while_a_slider_moves() {
     tab.run("document.activeElement.blur()").await;
     tab.key("ArrowRight").await;
     tab.until_step("explorer", 1).await;
-    // A set that grows beyond its neighbours pushes their bounds.
+    // If the ε of a set is raised above the ε of the following sets, these are raised too.
     tab.enter("epsilon-0", "0.6").await;
     tab.until("location.search.includes('eps=0.6,0.6,0.6,0.6,1')").await;
     let wide = areas().await;
