@@ -26,7 +26,7 @@ fn with(route: &str, query: &str) -> String {
     if query.is_empty() { route.to_owned() } else { format!("{route}?{query}") }
 }
 
-/// A method for each route, from the method's name, the name of the requested item, and the route.
+/// Defines a method for each route. The name of the requested item appears in errors.
 macro_rules! routes {
     ($($(#[$doc:meta])+ $name:ident($($argument:ident: $kind:ty),*) -> $answer:ty = $method:ident $what:literal $route:expr;)+) => {
         $($(#[$doc])+

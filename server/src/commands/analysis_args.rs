@@ -45,8 +45,8 @@ fn hours(text: &str) -> Result<f64, String> {
 }
 
 impl AnalysisArgs {
-    /// How child processes are started. With `all`, the default number of threads is the number of
-    /// processors.
+    /// The settings for starting child processes. With `all`, the default number of threads is the
+    /// number of processors.
     #[must_use]
     pub fn children(&self, all: bool) -> Children {
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
@@ -60,7 +60,7 @@ impl AnalysisArgs {
         }
     }
 
-    /// Resource limits of an analysis in such a child process.
+    /// Resource limits of an analysis in a child process with these settings.
     #[must_use]
     pub fn limits(&self, children: &Children) -> Limits {
         Limits { memory_mib: self.memory_mib, hours: self.hours, threads: children.threads }

@@ -125,9 +125,10 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     }
     report::write(&analysis, draft.path()).map_err(|e| unwritable(&args.out, &e))?;
     let kept_or = |e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e));
-    // Delete the leakage.csv of an earlier analysis in this folder. Its other files are replaced.
+    // Delete the leakage.csv of an earlier analysis in this folder. The other files of that analysis
+    // are replaced.
     draft.keep(&["leakage.csv"], &interrupt.token).map_err(kept_or)?;
-    // Only now is the folder complete. After an earlier failure, all computed fits stay cached.
+    // The folder is complete now. If an error occurs before this line, all computed fits stay cached.
     cache.forget_unused().map_err(|e| unwritable(&kept, &e))?;
     let data = &analysis.data;
     print_json(&serde_json::json!({
@@ -164,7 +165,7 @@ impl AnalyzeArgs {
         })
     }
 
-    /// The error, in terms of the command line.
+    /// Converts an error of the task to an error of the command.
     fn complain(&self, origin: &str, error: &TaskError) -> CommandError {
         match error {
             TaskError::Thread(_) | TaskError::Analysis(AnalysisError::Stopped) => {

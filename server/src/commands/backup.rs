@@ -110,7 +110,8 @@ pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
     print_json(&new_database(&args.database, fill).await?)
 }
 
-/// Refuses an address in place of a file, without repeating it, because it may contain a password.
+/// Refuses a database address in place of a file. The error does not repeat the address, which may
+/// contain a password.
 pub(super) fn no_address(flag: &str, file: &Path) -> Result<(), CommandError> {
     let text = file.to_string_lossy();
     if text.contains("://") || text.starts_with("sqlite:") {
@@ -123,7 +124,7 @@ fn unreadable(from: &Path, why: impl std::fmt::Display) -> CommandError {
     CommandError::Input(format!("--from {}: cannot read: {why}", from.display()))
 }
 
-/// Accepts an address only if no database exists there.
+/// Checks that no database exists at this address.
 pub(super) async fn absent(database: &str) -> Result<(), CommandError> {
     match Store::open(database, Purpose::Read).await {
         Err(OpenError::Absent(_)) => Ok(()),

@@ -17,11 +17,11 @@ pub struct ChildArgs {
     nice: i32,
 }
 
-/// Works until the task is done or the server has gone. Runs without an async runtime, because its
-/// threads would start with normal priority.
+/// Runs the task until it is done or the server is gone. Does not start an async runtime, because the
+/// threads of a runtime would start with normal priority.
 ///
 /// # Errors
-/// [`CommandError`] if the work cannot start, or the server has gone.
+/// [`CommandError`] if the work cannot start, or the server is gone.
 pub fn run(args: &ChildArgs) -> Result<(), CommandError> {
     child::run(args.memory, usize::from(args.threads), args.nice).map_err(CommandError::failure)
 }

@@ -1,4 +1,4 @@
-//! Warns of headings that may be in degrees, which are valid but unlikely.
+//! Warns of headings that may be in degrees. Such headings are valid but unlikely in radians.
 
 use core::f64::consts::TAU;
 
@@ -6,7 +6,7 @@ use core::f64::consts::TAU;
 pub(super) struct Degrees {
     /// The file's name in errors.
     name: String,
-    /// Place and value of the first such heading, and the number of further ones.
+    /// Place and value of the first such heading, and the number of further such headings.
     found: Option<(String, f64, u64)>,
 }
 

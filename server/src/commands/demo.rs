@@ -1,9 +1,9 @@
-//! The demonstration of `sidestep serve --demo`, a study that synthetic participants fill, with an
-//! analysis.
+//! The demonstration of `sidestep serve --demo`: a study with synthetic participants and an analysis.
 //!
-//! Everything takes the path of real data: participants enrol and drive through the server's own HTTP
-//! interface, and the worker runs the analysis. Each step first checks what exists, so an interrupted
-//! demonstration resumes. At the end the study is closed. A closed study is left unchanged.
+//! All data are created like real data: participants enrol and drive through the server's own HTTP
+//! interface, and the worker runs the analysis. Each step first checks which data exist, so an
+//! interrupted demonstration resumes. At the end the study is closed, and later starts leave it
+//! unchanged.
 
 mod cast;
 
@@ -81,7 +81,7 @@ pub(super) struct Demo {
 impl Demo {
     /// Fills the study through the server at `address`, and prints a message when it is ready.
     /// `analysis_asked` wakes the analysis worker. A key that was created at this start is printed
-    /// again, because log output has scrolled it off the screen meanwhile.
+    /// again, because the log output has scrolled it off the screen.
     pub(super) fn start(
         store: Store,
         address: SocketAddr,
@@ -141,7 +141,7 @@ struct Filling {
 }
 
 impl Filling {
-    /// Does the missing work, and returns the message to print afterwards.
+    /// Fills whatever is missing, and returns the message to print at the end.
     async fn fill(&self) -> Result<String, CommandError> {
         let begin = Instant::now();
         let present = self.study().await?;
@@ -225,8 +225,9 @@ impl Filling {
             }
             Ending::Withdrawn(_) => self.store.withdraw(id, false, now_ms(), None).await?,
             Ending::ScreenedOut => {
-                // They enrolled before the demonstration was interrupted. With the new token,
-                // attempts are counted from zero, so the server would not screen them out.
+                // This participant enrolled before the demonstration was interrupted. With the new
+                // token, attempts count from zero, so the server itself would not screen the
+                // participant out.
                 let result = ComprehensionResult { attempts: role.attempts, passed: false };
                 self.store.check_understanding(id, None, result, role.attempts, now_ms()).await?;
             }
@@ -246,7 +247,7 @@ impl Filling {
         Ok(())
     }
 
-    /// Closes the study, so that nobody else takes part and the next start adds nothing.
+    /// Closes the study, so that no one else takes part and the next start adds nothing.
     async fn close(&self, study: &StoredStudy) -> Result<(), CommandError> {
         let closed = of_status(&study.config, Status::Closed);
         let entry = entry(Action::StudyChanged, Some("status".to_owned()));

@@ -93,8 +93,8 @@ pub async fn run(args: DesignArgs) -> Result<(), CommandError> {
     }))
 }
 
-/// The requested number of participants. By default, as many as are needed to show how evenly the
-/// scenes are spread.
+/// The requested number of participants. The default is large enough to show how evenly the scenes are
+/// distributed.
 fn participants(study: &StudyConfig, wanted: Option<u64>) -> Result<u64, CommandError> {
     let scenes: u64 = study.phases.iter().map(|phase| phase.scenes as u64).sum();
     let most = PARTICIPANTS.min(SCENES / scenes.max(1));

@@ -1,4 +1,4 @@
-//! The game of a command, given by its parameters or by a file with its value function.
+//! The game of a command, which is defined by flags or by a file with a value function.
 
 use super::solving::{self, Interrupt, flagged};
 use super::{CommandError, one_of};
@@ -70,7 +70,7 @@ impl FunctionArgs {
         self.game
     }
 
-    /// The value function, which is read from the file, given in closed form, or solved for.
+    /// The value function. It is read from the file, evaluated in closed form, or solved numerically.
     ///
     /// # Errors
     /// [`CommandError::Input`] naming the flag or the file and the fault in it;

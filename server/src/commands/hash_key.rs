@@ -115,7 +115,7 @@ mod terminal {
 
 #[cfg(not(unix))]
 mod terminal {
-    //! A terminal whose echo this program cannot turn off.
+    //! A terminal whose echo this program cannot disable.
 
     /// The byte that Ctrl-C sends.
     pub(super) const CTRL_C: u8 = 3;

@@ -65,7 +65,7 @@ pub struct Imported {
     pub flagged: usize,
     /// Participants of the file who were imported earlier.
     pub skipped: usize,
-    /// Imported participants who are excluded in the table of participants beside the file.
+    /// Imported participants who are excluded according to the table of participants beside the file.
     pub excluded: usize,
 }
 
@@ -83,7 +83,7 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     wanted.check().map_err(|e| {
         CommandError::Input(format!("--study: expected {}, found {}", e.expected, e.found))
     })?;
-    // A refused file must not create a new database.
+    // If the file is refused, no new database must be created.
     let present = match Store::open(&args.database, Purpose::Change).await {
         Err(OpenError::Absent(_)) => None,
         opened => Some(opened?),
@@ -302,9 +302,9 @@ fn imported(
     }
 }
 
-/// The planned scene of a trial, given the planned scenes of the `earlier` trials. A file has no
-/// plan, so the scene follows from the trial's first state. A later trial from the same state is a
-/// further attempt at that scene.
+/// The planned scene of a trial, given the planned scenes of the `earlier` trials. A file has no plan,
+/// so the scene is derived from the trial's first state. A trial that the file marks as a further
+/// attempt gets the index of the earlier trial with the same scene, if there is one.
 fn planned(
     parameters: &SceneParameters,
     earlier: &[PlannedRow],

@@ -22,7 +22,7 @@ pub struct JsonArgs {
 }
 
 impl JsonArgs {
-    /// Checks that the answer can be written, before any work.
+    /// Checks that the answer can be written, before the computation starts.
     ///
     /// # Errors
     /// [`CommandError`] naming the file.

@@ -1,4 +1,5 @@
-//! The documents of `sidestep bounds`, and Algorithm 1 on them, for all commands that predict.
+//! Reads the documents of `sidestep bounds` and runs Algorithm 1 on them, for all commands that
+//! predict.
 
 use super::CommandError;
 use super::degrees::Degrees;
@@ -71,7 +72,7 @@ enum RolloutWord {
 /// Upper bound on speeds (m/s) and on the step length (s).
 const MOST_SPEED_OR_STEP: f64 = 1e4;
 
-/// Upper bound on the number of steps ahead.
+/// Upper bound on the prediction horizon (steps).
 const MOST_STEPS: usize = 3000;
 
 /// A predictor, with the document from which it was read. Errors name this document.
@@ -149,7 +150,7 @@ impl<'a> PredictorSource<'a> {
 /// The field of a document that contains its predictor.
 const FIELD: &str = "predictor";
 
-/// The result of Algorithm 1, with the situation to which it applies.
+/// The result of Algorithm 1, with the present state and the parameters of the prediction.
 pub(super) struct Prediction {
     pub(super) now: JointState,
     pub(super) motion: Motion,
@@ -243,7 +244,7 @@ impl Problem {
         })
     }
 
-    /// Runs Algorithm 1. Its errors refer to the predictor.
+    /// Runs Algorithm 1. Errors refer to the predictor.
     fn bounds(
         &self,
         predictor: &Predictor,

@@ -191,7 +191,7 @@ fn answer(input: &Input) -> Result<Answer, Invalid> {
     let sets = input.sets.iter().enumerate().map(|(j, set)| {
         set_answer(input, start, set, settings, tolerance).map_err(|invalid| {
             let named = named(invalid.clone());
-            // A renamed field is a field of the document, not of one set.
+            // A field that was renamed belongs to the document and not to one set.
             if named == invalid { named.within(&format!("sets[{j}]")) } else { named }
         })
     });
@@ -273,6 +273,6 @@ fn set_answer(
 
 fn area(polygon: Vec<[f64; 2]>) -> Area {
     let bbox = bounding_box(&polygon).unwrap_or([f64::NAN; 4]);
-    // Rounding errors must not give a set of zero width a negative area.
+    // Rounding errors could give a set of zero width a negative area.
     Area { area: signed_area(&polygon).max(0.0), bbox, polygon }
 }

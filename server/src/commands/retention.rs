@@ -61,7 +61,7 @@ fn days() -> clap::builder::RangedI64ValueParser {
     clap::value_parser!(i64).range(1..=36_500)
 }
 
-/// The data that one rule affects in one study.
+/// The data in one study that one rule affects.
 #[derive(Debug, Serialize)]
 struct Concerned {
     rule: &'static str,

@@ -345,7 +345,7 @@ impl Running {
         text
     }
 
-    /// Finishes requests in progress, then closes the database.
+    /// Stops the server. Requests in progress are finished, and then the database is closed.
     ///
     /// # Errors
     /// [`CommandError::Failure`] if another program changed the database file and its content could
@@ -378,7 +378,7 @@ impl Running {
     }
 }
 
-/// A network. A single address counts as a network.
+/// Parses a network. A single address counts as a network.
 fn net(text: &str) -> Result<IpNet, String> {
     let address = |text: &str| text.parse::<IpAddr>().ok().map(IpNet::from);
     let found = text.parse().ok().or_else(|| address(text));

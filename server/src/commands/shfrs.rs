@@ -396,7 +396,7 @@ fn people(recorded: &[Recorded]) -> Vec<usize> {
 }
 
 /// Checks, before the computation, that at least one requested guarantee can be given. `all` is the
-/// number of trials (or people), and `calibration` is the number of them in the calibration set.
+/// total number of trials (or people), and `calibration` is the number in the calibration set.
 fn enough(
     questions: &Questions,
     left_out: &[LeftOut],

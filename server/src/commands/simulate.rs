@@ -118,13 +118,13 @@ pub async fn run(args: SimulateArgs) -> Result<(), CommandError> {
     }
 }
 
-/// The number of trials with each flag, by its word.
+/// The number of trials with each flag. The key is the word for the flag.
 #[derive(Debug, Default, serde::Serialize)]
 #[serde(transparent)]
 struct FlagCounts(BTreeMap<&'static str, u64>);
 
 impl FlagCounts {
-    /// Counts the flags that a server will give to this trial.
+    /// Counts the flags that a server would give to this trial.
     fn count(&mut self, parameters: &SceneParameters, scene: &Scene, drive: &SyntheticDrive) {
         for flag in flags(parameters, scene, &drive.inputs, &drive.states, &drive.sampled_at_ms) {
             *self.0.entry(flag.word()).or_default() += 1;

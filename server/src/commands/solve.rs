@@ -104,7 +104,7 @@ struct Line {
     /// Duration of the solve, without writing the file.
     wall_s: f64,
     threads: usize,
-    /// In m/s. For the polar method without a horizon, in m per round of sweeps.
+    /// The unit is m/s. For the polar method without a horizon, it is m per round of sweeps.
     converged_residual: f64,
     /// Whether the solution converged. False if the solve gave up; null for a finite horizon.
     converged: Option<bool>,

@@ -1,4 +1,4 @@
-//! Solving in a terminal, with a progress bar and cancellation.
+//! Solves games in a terminal, with a progress bar and cancellation.
 
 use super::{CommandError, unwritable};
 use crate::support::threads;
@@ -34,8 +34,8 @@ impl Interrupt {
         Self { token }
     }
 
-    /// Returns the result of `work`, or an error if a signal comes first. After a signal, nothing
-    /// waits for the work, so the work must not write anything.
+    /// Returns the result of `work`, or an error if a signal comes first. After a signal, `work` is no
+    /// longer awaited, so it must not write anything.
     pub(super) async fn unless_stopped<T>(
         &self,
         work: impl Future<Output = T>,
@@ -131,8 +131,8 @@ pub(super) async fn solved_silently(
     }
 }
 
-/// The safety levels of both vehicles. Only unequal vehicles need a solve. Warns if a value
-/// function did not converge.
+/// The safety levels of both vehicles. Only unequal vehicles need a numerical solution. Warns if a
+/// value function did not converge.
 pub(super) async fn safety_levels(
     parameters: &SceneParameters,
     interrupt: &Interrupt,
@@ -172,7 +172,7 @@ pub(super) fn bar(steps: u64, template: &str) -> ProgressBar {
 /// Converts a library error to an error about the flag.
 pub(super) fn flagged(invalid: Invalid) -> CommandError {
     let flag = match invalid.field.as_str() {
-        // The turn rates of unequal vehicles are checked together.
+        // For unequal vehicles, both turn rates are checked together.
         "turn_rate_radps" => "evader-turn-rate and --pursuer-turn-rate",
         "axes[0].low" => "domain, X0",
         "axes[0].high" => "domain, X1",

@@ -57,7 +57,7 @@ impl SceneArgs {
     }
 }
 
-/// A vehicle of the recorded states: its name in messages, its role in flags, the column of its
+/// A vehicle of the recorded states, with its name in messages, its role in flags, the column of its
 /// heading, its pose, and its model.
 struct Driven {
     who: &'static str,
@@ -126,7 +126,8 @@ impl Driven {
         ))
     }
 
-    /// Checks that headings point in the direction of motion. No other check detects headings in degrees.
+    /// Checks that headings point in the direction of motion. Only this check detects headings in
+    /// degrees.
     fn check_headings(&self, steps: &[(Pose, Pose)], step_s: f64) -> Result<(), String> {
         let most = 0.5 * self.vehicle.turn_rate_radps * step_s + HEADING_TOLERANCE_RAD;
         let off = |scale: f64| {
@@ -166,11 +167,11 @@ pub(super) enum Faults {
     Refuse,
 }
 
-/// A participant of the file with all trials, unchanged.
+/// Returns one participant of the file, with all trials as recorded.
 ///
 /// # Errors
-/// [`CommandError::Input`] naming the file, with the line and the fault in the file or in the
-/// participant, or stating that there is no such participant.
+/// [`CommandError::Input`] naming the file and either the line and the fault, or that the participant
+/// does not exist. A fault of another participant is not an error.
 pub(super) fn participant(
     path: &Path,
     scene: &SceneParameters,
@@ -191,8 +192,9 @@ pub(super) fn participant(
 /// are kept. Trials that do not replay from their inputs are flagged.
 ///
 /// # Errors
-/// [`CommandError::Input`] naming the file, the line and the fault, if a row cannot be assigned to
-/// a participant, if a fault must be refused or every participant has one, or if there is no task.
+/// [`CommandError::Input`] naming the file, the line and the fault, if a row cannot be assigned to a
+/// participant, if there is a fault and `wanted` is [`Faults::Refuse`], if every participant has a
+/// fault, or if there is no task.
 pub(super) fn recording(
     path: &Path,
     scene: &SceneParameters,
@@ -234,7 +236,7 @@ pub(super) fn recording(
         return Err(complaint(path, &format!("{}{hint}{others}", first.why())));
     }
     exclusions.splice(..0, excluded);
-    // Analyses report participants who drove no task.
+    // Keep participants without a task for analyses, which report them.
     participants.retain(|person| wanted == Faults::Exclude || !person.trials.is_empty());
     if participants.iter().all(|person| person.trials.is_empty()) {
         return Err(complaint(path, &"expected at least one task, found none"));
@@ -289,7 +291,7 @@ fn faulty(path: &Path, error: &LineError) -> CommandError {
     complaint(path, &format!("{error}{}", hint(error)))
 }
 
-/// If the file may be correct and a flag wrong, names this flag.
+/// Names the flag that may be wrong if the file itself is correct.
 fn hint(error: &LineError) -> &'static str {
     match error.what.field.as_str() {
         "omega" => "; --evader-turn-rate sets the human's turn rate",

@@ -1,4 +1,4 @@
-//! The source of trials, a file or a study, for commands that learn from trials.
+//! The source of trials for commands that learn from trials. It is a file or a study.
 
 use super::trials_file::{self, Faults, SceneArgs};
 use super::{CommandError, study_named, table_file};
@@ -36,8 +36,8 @@ struct Source {
 }
 
 impl TrialsArgs {
-    /// The tasks. Checks that the vehicles can have driven the states, and that the human turned
-    /// according to the inputs. Names excluded participants on stderr.
+    /// Returns the tasks. Checks that the vehicles can have driven the states, and that the human's
+    /// turns match the inputs. Names excluded participants on stderr.
     ///
     /// # Errors
     /// [`CommandError::Input`] for an unusable file, with its line, or an unknown study.

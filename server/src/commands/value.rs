@@ -126,7 +126,8 @@ fn read(
         let mut state = [0.0; 3];
         for (d, name) in COLUMNS.into_iter().enumerate() {
             let number = record.number(columns[d], name).map_err(at(line))?;
-            // Quote the text of the number: 1e999 parses as infinity, which is not in the file.
+            // Quote the number as written. For example, 1e999 parses as infinity, which is not the text
+            // in the file.
             let as_written =
                 |invalid| Invalid { found: format!("{:?}", &record[columns[d]]), ..invalid };
             state[d] = finite(name, number).map_err(as_written).map_err(at(line))?;
@@ -144,7 +145,7 @@ fn columns(header: &Record) -> Result<[usize; 3], Invalid> {
     // Spreadsheets put a byte-order mark at the start of UTF-8.
     let names: Vec<&str> =
         header.iter().map(|name| name.trim_start_matches('\u{feff}').trim()).collect();
-    // Quoted, because a name may contain a line break.
+    // Quote the names, because a name may contain a line break.
     let all = format!("{:?}", names.join(","));
     let mut places = [0; 3];
     for (place, column) in places.iter_mut().zip(COLUMNS) {
@@ -168,7 +169,7 @@ fn evaluated(function: &ValueFunction, state: [f64; 3]) -> Result<ValueState, In
     Err(Invalid::new(name, "a coordinate whose square is finite", large))
 }
 
-/// A row. Every number parses to the same double.
+/// A row. Each printed number parses to the same double.
 fn fields(state: [f64; 3], found: &ValueState) -> impl Iterator<Item = String> {
     let turns = [found.evader_turn, found.pursuer_turn];
     let numbers: Vec<f64> = [&state[..], &[found.value], &found.gradient, &turns].concat();

@@ -1,4 +1,4 @@
-//! The scenes of a study: how evenly they are spread, and a view of some of them from above.
+//! The scenes of a study: how evenly they are distributed, and some of them seen from above.
 
 use super::{MARGIN, headed};
 use sidestep::chart::{
@@ -25,8 +25,8 @@ const ABREAST: usize = 6;
 const SCENES: usize = 12;
 const GAP: f64 = 16.0;
 
-/// Draws the spread of a phase's scenes, by place of the participant, and the first participant's
-/// first scenes. `notes` name the study and the phase.
+/// Draws the distribution of a phase's scenes, and the first participant's first scenes. `people` has
+/// the scenes of each participant, by place number. `notes` name the study and the phase.
 #[must_use]
 pub fn design(
     notes: &[String],
@@ -145,7 +145,7 @@ fn counts(
     chart
 }
 
-/// Ink of one dot. The more dots there are, the fainter they are.
+/// Ink of a dot. It is fainter if there are more dots.
 fn dots(people: &[Vec<StratifiedScene>]) -> colours::Ink {
     let many = people.iter().map(Vec::len).sum::<usize>().max(1) as f64;
     colours::TEXT.at((900.0 / many).clamp(0.06, 0.45))

@@ -55,7 +55,7 @@ fn draw(pixmap: &mut Pixmap, fonts: &Fonts, shape: &Shape) {
         stroke(pixmap, &path, Pen::new(colours::SURFACE, 3.0));
     }
     if let Some(ink) = shape.fill {
-        // Without anti-aliasing, the background does not show between adjacent rectangles.
+        // Anti-aliasing would let the background show between adjacent rectangles.
         let paint = Paint { anti_alias: !matches!(shape.form, Form::Boxes(_)), ..paint(ink) };
         pixmap.fill_path(&path, &paint, FillRule::Winding, scale(), None);
     }
@@ -86,7 +86,7 @@ fn colour(ink: Ink) -> Color {
     Color::from_rgba8(r, g, b, (255.0 * ink.opacity.clamp(0.0, 1.0)).round() as u8)
 }
 
-/// The path of a form. Returns `None` for shapes without extent and for numbers that are not finite.
+/// The path of a form. Returns `None` if the form has no extent or a coordinate is not finite.
 fn outline(form: &Form, fonts: &Fonts) -> Option<Path> {
     let mut path = PathBuilder::new();
     let mut joined = |points: &[Point]| {

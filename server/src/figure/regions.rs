@@ -1,4 +1,5 @@
-//! Predicted regions in the colours of the paper, with the tube above and the sets at single steps below.
+//! Draws predicted regions in the colours of the paper: the tube above, and the sets at single steps
+//! below.
 
 use super::label_position::label_position;
 use super::{MARGIN, Window, headed};
@@ -40,32 +41,33 @@ pub struct RegionsPanel {
     times_s: Vec<f64>,
     /// The nested sets, from the smallest to the largest.
     sets: Vec<DrawnSet>,
-    /// The area of all positions that the human can reach within the steps ahead (m²).
+    /// The area of all positions that the human can reach within the prediction horizon (m²).
     worst_case_m2: f64,
 }
 
 /// A set as polygons in the world frame (m).
 #[derive(Clone, Debug, PartialEq)]
 struct DrawnSet {
-    /// All positions within the steps ahead.
+    /// All positions within the prediction horizon.
     tube: Vec<[f64; 2]>,
     /// The positions at each of the steps shown.
     steps: Vec<Vec<[f64; 2]>>,
 }
 
-/// Maximum number of steps at which all steps are shown.
+/// Up to this number of steps, every step is shown.
 const EACH: usize = 12;
 
-/// The steps that are shown out of `steps`. If there are many steps, these are the last step and
-/// every n-th step before it.
+/// The steps that are shown. If there are many steps, only the last step and every n-th step before it
+/// are shown.
 fn shown_steps(steps: usize) -> Vec<usize> {
     let every = steps.div_ceil(EACH).max(1);
     (1..=steps).filter(|step| (steps - step).is_multiple_of(every)).collect()
 }
 
 impl RegionsPanel {
-    /// A panel with the sets that are reachable from now under each of `sets`. `title` and `settings`
-    /// briefly describe the prediction and its method. `motion` describes how the human moves.
+    /// A panel with the sets that are reachable from the present state under each of `sets`. `title`
+    /// and `settings` briefly describe the prediction and its method. `motion` describes how the human
+    /// moves.
     ///
     /// # Errors
     /// [`Invalid`] if the present state is not finite or the motion is impossible.
@@ -172,7 +174,7 @@ fn window_of(panels: &[RegionsPanel]) -> Window {
     Window { x: [-reach, reach], y: [y[0] - room, y[1] + room] }
 }
 
-/// A chart of all positions within the steps ahead, in the human's frame.
+/// A chart of all positions within the prediction horizon, in the human's frame.
 fn tube(panel: &RegionsPanel, window: &Window, frame: Frame) -> Chart {
     let x = Axis::linear("to the right", "m", window.x, 7);
     let y = Axis::linear("ahead", "m", window.y, 7);

@@ -1,10 +1,11 @@
-//! {V ≤ 0} as a solid, as on the laboratory's reachability page.
+//! Draws {V ≤ 0} as a solid, like the laboratory's reachability page.
 
 use sidestep::chart::Drawing;
 use sidestep::reachability::ValueFunction;
 use sidestep::value_view::{Orbit, Tubes, View, domain};
 
-/// Width and height of the solid's box (px), and the zoom relative to the size that fits from every side.
+/// Width and height of the solid's box (px), and the zoom. At zoom 1, the solid fits from every
+/// viewpoint.
 const SIZE: [f64; 2] = [900.0, 820.0];
 const ZOOM: f64 = 1.08;
 

@@ -8,7 +8,7 @@ use std::path::Path;
 use tempfile::NamedTempFile;
 use tokio_util::sync::CancellationToken;
 
-/// Checks that a file can be written at `path`, so that an error is found before long work.
+/// Checks that a file can be written at `path`, so that an error is found before a long computation.
 ///
 /// # Errors
 /// The error of the disk.
@@ -75,7 +75,7 @@ pub trait WriteSeek: Write + io::Seek {}
 
 impl<T: Write + io::Seek> WriteSeek for T {}
 
-/// A temporary file, and the lock that prevents other processes from deleting it.
+/// Creates a temporary file, with a lock that prevents other processes from deleting it.
 fn beside(path: &Path, mode: u32) -> io::Result<(NamedTempFile, File)> {
     const PREFIX: &str = ".sidestep-part-";
     let folder = match path.parent() {

@@ -11,8 +11,8 @@ use tokio_util::sync::CancellationToken;
 pub struct Draft {
     folder: PathBuf,
     draft: Unfinished,
-    /// Folders that were created for the draft, innermost first. Those that are still empty are
-    /// removed with it.
+    /// Folders that were created for the draft, innermost first. If they are still empty, they are
+    /// removed with the draft.
     made: Vec<PathBuf>,
 }
 
@@ -53,8 +53,8 @@ impl Draft {
     /// deletes old entries named in `obsolete`, and keeps all others. The moves cannot be cancelled.
     ///
     /// # Errors
-    /// The error of the disk; a folder in the place of a file, or the reverse; or a cancellation
-    /// before the moves, in which case nothing has changed.
+    /// The error of the disk; a new file with the name of an old folder, or the reverse; or a
+    /// cancellation before the moves. After a cancellation, nothing has changed.
     pub fn keep(self, obsolete: &[&str], cancel: &CancellationToken) -> io::Result<()> {
         synced(self.path())?;
         for entry in fs::read_dir(self.path())? {

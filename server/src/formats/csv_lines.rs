@@ -1,11 +1,11 @@
-//! Reads CSV files, with the line number at which each record begins, counted as in an editor. The header
-//! determines the delimiter. It is a comma, or otherwise a semicolon or a tab, which spreadsheets write if
-//! the decimal mark is a comma. Rows that consist of delimiters only are skipped.
+//! Reads CSV files. Each record has the line number at which it begins, counted as in an editor. The
+//! delimiter is determined from the header: a comma, or a semicolon or a tab, which spreadsheets write
+//! if the decimal mark is a comma. Rows without any value are skipped.
 //!
-//! Lines without a quotation mark are split here, several times as fast as by a full parser. The
-//! csv crate reads the file from the first quotation mark on, or from the first carriage return
-//! that ends a line on its own. Lines are counted here, because the csv crate starts to count where
-//! it starts to read, and counts empty lines and CR LF differently.
+//! Lines without a quotation mark are split here, which is several times as fast as a full parser. From
+//! the first quotation mark on, or from the first line that ends with a carriage return alone, the csv
+//! crate reads the file. Lines are counted here, because the csv crate counts from where it starts to
+//! read, and counts empty lines and CR LF differently.
 
 mod record;
 mod quoted;
@@ -108,7 +108,7 @@ impl<R: Read> Records<R> {
         Ok((records, header))
     }
 
-    /// The dialect, as determined from the part of the file that was read.
+    /// The dialect, as far as the part of the file that was read shows it.
     #[must_use]
     pub fn dialect(&self) -> Dialect {
         Dialect {
@@ -201,7 +201,7 @@ impl<R: Read> Lines<R> {
         Self { file, buffer: Vec::new(), begin: 0, line: 1 }
     }
 
-    /// The range of the next line in the buffer, without LF. Returns `None` at the end.
+    /// The range of the next line in the buffer, without its line feed. Returns `None` at the end.
     fn next(&mut self) -> io::Result<Option<Range<usize>>> {
         let mut searched = self.begin;
         loop {
@@ -224,15 +224,15 @@ impl<R: Read> Lines<R> {
         }
     }
 
-    /// The delimiter of the header, which is the next line. Spreadsheets may declare the delimiter
-    /// in a line before the header, `sep=;`. That line is skipped.
+    /// The delimiter of the header, which is the next line. Some spreadsheets declare the delimiter in
+    /// a line such as `sep=;` before the header. That line is skipped.
     fn separator(&mut self) -> Result<u8, (u64, String)> {
         loop {
             let begins_at = self.line;
             let next = self.next().map_err(|error| (begins_at, error.to_string()))?;
             let Some(range) = next else { return Ok(b',') };
-            // A carriage return alone also ends a line, as on old Macintoshes. Then the range may
-            // be the whole file.
+            // On old Macintoshes, a carriage return alone ends a line. In such a file, the range may be
+            // the whole file.
             let end = memchr::memchr(b'\r', &self.buffer[range.clone()]);
             let end = end.map_or(range.end, |length| range.start + length);
             if end + 1 < range.end {
@@ -256,7 +256,7 @@ impl<R: Read> Lines<R> {
         }
     }
 
-    /// The reader for quotation marks, for the rest of the file from the next line on.
+    /// A reader that supports quotation marks, for the rest of the file from the next line on.
     fn quoted(self, separator: u8) -> Quoted<R> {
         Quoted::of(self.buffer[self.begin..].to_vec(), self.file, self.line, separator)
     }
@@ -298,7 +298,7 @@ mod tests {
         Ok(found)
     }
 
-    /// All numbers of a file or its error, and the remark on its dialect.
+    /// Returns all numbers of a file or its error, and the remark on its dialect.
     fn numbers(bytes: &[u8]) -> (Result<Vec<f64>, String>, Option<String>) {
         let (mut records, header) = Records::of(bytes).unwrap();
         let names: Vec<String> = header.iter().map(str::to_owned).collect();
@@ -450,8 +450,8 @@ mod tests {
         assert!(header.is_empty());
     }
 
-    /// Each row contains its own line number. There are empty lines between rows, any line ending,
-    /// and files with and without a line ending at the end.
+    /// Each row contains its own line number. The files have empty lines between rows, and all kinds of
+    /// line endings. The last line may lack its line ending.
     #[test]
     fn records_are_on_their_lines() {
         let mut rng = SeededRng::new(1);

@@ -1,8 +1,9 @@
 //! A study's data as files. The command writes a folder. The route sends an archive of the same
 //! files. The steps are also available as one file, for scripts that need nothing else.
 //!
-//! Participants are read one after another, so that memory does not grow with the study and no long
-//! read prevents SQLite from checkpointing its log. Each participant's rows come from one snapshot.
+//! Participants are read one after another, so memory does not grow with the study. Each read is short,
+//! because a long read would prevent SQLite from checkpointing its log. Each participant's rows come
+//! from one snapshot.
 
 mod filter;
 mod damage;
@@ -69,8 +70,8 @@ pub fn check_format(format: &str) -> Result<(), Invalid> {
     if format == "csv" { Ok(()) } else { Err(Invalid::new("format", "csv", format!("{format:?}"))) }
 }
 
-/// Streams the table of steps as CSV, in pieces. The stream ends after an error, so that a download
-/// is aborted and does not end as if it were complete.
+/// Streams the table of steps as CSV, in pieces. After an error, the stream ends with this error, so
+/// that the download is aborted and does not look complete.
 pub fn stream(
     store: Store,
     study: StoredStudy,
@@ -102,7 +103,7 @@ pub fn stream(
 }
 
 /// The steps of a participant. A damaged trial is marked. An unreadable trial is an error, because
-/// no other file could name it.
+/// there is no other file that could report it.
 async fn steps_of(store: &Store, entry: &RosterEntry) -> Result<Vec<u8>, StoreError> {
     let person = Person::read(store, entry).await?;
     if let Some(damaged) = person.damaged().find(|damaged| !damaged.is_readable) {

@@ -15,7 +15,8 @@ use std::io::{self, Read, Write};
 /// Columns that identify a row.
 const ROW: [&str; 3] = ["participant", "trial", "step"];
 
-/// Names of the label's column: the name written by this program, and the reference's name.
+/// Names of the label's column: the name in this program's files, and the name in the reference's
+/// files.
 const TURN: [&str; 2] = ["turn", "y1"];
 
 /// The paper's features: the names used here, and the reference's names.
@@ -74,10 +75,10 @@ pub fn write(
     Ok(out.flush()?)
 }
 
-/// Reads a file in this program's form or in the reference's form,
-/// `apx,apy,dpsi,cosd,sind,vh,vr,d,y1`. The header determines the form. Other columns are ignored.
-/// An impossible value or a repeated row is a fault of one participant, which
-/// [`GivenFeatures::replace`] returns. Also returns the dialect.
+/// Reads a file in this program's form or in the reference's form, `apx,apy,dpsi,cosd,sind,vh,vr,d,y1`.
+/// The header determines the form. Other columns are ignored. An impossible value or a repeated row
+/// affects only one participant; [`GivenFeatures::replace`] returns this fault. Also returns the
+/// dialect.
 ///
 /// # Errors
 /// [`LineError`] for a missing column, or text that is not a table.

@@ -1,8 +1,8 @@
 //! The tables that a settings file may have, with the fields of each table. They are derived from
 //! the types that read the file.
 //!
-//! serde passes to a deserializer the fields of each struct that it requests. A deserializer that
-//! follows a path into a type and stops at its end finds the fields there.
+//! When a struct is deserialized, serde passes the names of its fields to the deserializer. So a
+//! deserializer that follows a path into a type learns the fields at the end of the path.
 
 use serde::de::value::{Error, MapDeserializer, SeqDeserializer};
 use serde::de::{DeserializeOwned, Deserializer, Error as _, IntoDeserializer, Visitor};
@@ -63,8 +63,8 @@ fn collect<T: DeserializeOwned>(steps: &mut Vec<Step>, path: String, found: &mut
     }
 }
 
-/// Explains an error about a field that its table does not have. The error then names the tables
-/// that have the field, or otherwise a similar field of another table. Other errors are unchanged.
+/// Explains an error about a field that does not exist in its table. The error then names the tables
+/// that have this field, or otherwise a similar field. Other errors are unchanged.
 #[must_use]
 pub fn explained(invalid: Invalid, tables: &[FieldTable]) -> Invalid {
     let (parent, name) = invalid.field.rsplit_once('.').unwrap_or(("", &invalid.field));
@@ -95,7 +95,7 @@ pub fn explained(invalid: Invalid, tables: &[FieldTable]) -> Invalid {
     Invalid { found, ..invalid }
 }
 
-/// Removes the indices: `questions[].options[]` for `questions[3].options[0]`.
+/// Removes the indices. For example, `questions[3].options[0]` becomes `questions[].options[]`.
 fn without_numbers(path: &str) -> String {
     let mut in_brackets = false;
     let keep = |c: &char| {
@@ -124,7 +124,7 @@ enum Shape {
     Value,
 }
 
-/// A deserializer that follows a path into a type and stops at its end.
+/// A deserializer that follows a path into a type and records the shape at its end.
 #[derive(Clone, Copy)]
 struct Probe<'a> {
     steps: &'a [Step],

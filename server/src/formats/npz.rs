@@ -23,8 +23,8 @@ pub struct Stored {
     pub converged: Option<bool>,
 }
 
-/// Reads a file of [`npz`](sidestep::reachability::npz::npz). Returns the closed form if the method
-/// was exact, and otherwise the values with float32 accuracy.
+/// Reads a file written by [`npz`](sidestep::reachability::npz::npz). Returns the closed form if the
+/// file's method was exact, and otherwise the values with float32 accuracy.
 ///
 /// # Errors
 /// [`Invalid`] naming an array or a field of `meta` that is missing, truncated, of another version

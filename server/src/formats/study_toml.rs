@@ -112,7 +112,7 @@ pub fn read_unchecked(text: &str) -> Result<StudyConfig, Complaint> {
     }
     let given: Table = toml::from_str(text).map_err(|error| whole(error.message()))?;
     if !given.contains_key("slug") {
-        // With a default slug, every such file would describe the same study.
+        // With a default slug, all files without a slug would describe the same study.
         let expected = "the study's name in addresses, a line such as slug = \"avoidance-2026\"";
         return Err(located(Invalid::new("slug", expected, "none")));
     }
@@ -122,7 +122,7 @@ pub fn read_unchecked(text: &str) -> Result<StudyConfig, Complaint> {
         let document = serde_json::to_value(table).map_err(|e| whole(&e.to_string()))?;
         match from_value::<StudyConfig>(&document) {
             Err(invalid) => Err(located(explained(invalid, &tables::<StudyConfig>()))),
-            // TOML has numbers and dates that JSON does not have.
+            // TOML has numbers and dates that JSON does not support.
             Ok(_) => {
                 let what = one_line(&error.to_string());
                 Err(Complaint { line: lines.line_of(""), field: None, what })
@@ -147,14 +147,16 @@ fn parse(text: &str) -> Result<StudyConfig, Complaint> {
     Ok(study)
 }
 
-/// A study file for this configuration, with its differences from the paper's protocol.
+/// Writes a study file for this configuration. It contains only the differences from the paper's
+/// protocol.
 ///
 /// # Errors
 /// If TOML cannot express a value of the configuration.
 pub fn written(config: &StudyConfig) -> Result<String, toml::ser::Error> {
     let mut table = Table::try_from(config)?;
     take_away(&mut table, &Table::try_from(StudyConfig::default())?);
-    // The slug and the title come first, even if they equal those of the paper's study.
+    // The slug and the title come first, and are written even if they equal the slug and title of the
+    // paper's study.
     let mut head = Table::new();
     for (name, value) in [("slug", &config.slug), ("title", &config.title)] {
         table.remove(name);

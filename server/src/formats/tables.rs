@@ -17,9 +17,9 @@ pub struct Driven<'a> {
     pub number: usize,
     /// The trial.
     pub trial: &'a StoredTrial,
-    /// The vehicles and steps in the configuration under which the participant enrolled.
+    /// The parameters in the configuration under which the participant enrolled.
     pub parameters: &'a SceneParameters,
-    /// The fault of the trial, if it differs from the stored results.
+    /// The fault of the trial, if it is damaged.
     pub damage: Option<&'a str>,
 }
 

@@ -1,5 +1,5 @@
-//! Decodes texts as editors and spreadsheets write them: UTF-8, UTF-16 with a byte-order mark, or
-//! Windows-1252 if the encoding is certain.
+//! Decodes texts from editors and spreadsheets: UTF-8, UTF-16 with a byte-order mark, or Windows-1252
+//! if no other encoding is likely.
 
 use std::borrow::Cow;
 use std::io::{self, Chain, Cursor, Read};
@@ -71,13 +71,13 @@ impl Decoder {
     }
 }
 
-/// Decodes Windows-1252. Returns `None` if the text may well be in another encoding.
+/// Decodes Windows-1252. Returns `None` if another encoding is likely.
 ///
 /// Letters from 0xC0 on and signs from 0xA0 on are as in Latin-1. From 0x80 to 0x9F, only quotation
-/// marks, dashes, the ellipsis, the bullet and the euro sign are accepted. In this range, other
-/// encodings (of DOS and old Macintoshes) have ä, ö, ü and é, and Windows-1252 has letters that are
-/// rare in its languages. If letters are adjacent that are never adjacent in these languages (three
-/// with accents in a row, or a sign between two letters), the text is in another alphabet.
+/// marks, dashes, the ellipsis, the bullet and the euro sign are accepted. In this range, the encodings
+/// of DOS and old Macintoshes have ä, ö, ü and é, and Windows-1252 has letters that are rare in its
+/// languages. Three accented letters in a row, or a sign between two letters, never occur in these
+/// languages. So such a text is in another alphabet.
 fn windows_1252(bytes: &[u8]) -> Option<String> {
     let character = |byte: &u8| match byte {
         0x80 => Some('€'),
@@ -101,7 +101,7 @@ fn windows_1252(bytes: &[u8]) -> Option<String> {
         let [before, after] = [at.checked_sub(1), Some(at + 1)].map(beside);
         let [is_before, is_after] = [before, after].map(char::is_alphabetic);
         match text[at] {
-            // On its own, this byte is the euro sign of old Macintoshes.
+            // If no letter is adjacent, this byte is the euro sign of old Macintoshes.
             'Û' => is_before || is_after,
             letter if letter.is_alphabetic() && !"ªºµ".contains(letter) => true,
             '’' | '´' | '·' => true,

@@ -1,4 +1,4 @@
-//! TOML texts with the line of each value, for complaints that name the line.
+//! Parses TOML and keeps the line of each value, so that complaints can name the line.
 
 use std::ops::Range;
 use toml::Spanned;
@@ -23,12 +23,12 @@ pub struct TomlLines<'a> {
     root: Spanned<DeTable<'a>>,
 }
 
-/// A value of a text that is not a table, with its path and its line.
+/// A value other than a table, with its path and its line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Leaf {
     /// The names on the path to the value, joined by dots.
     pub key: String,
-    /// The line number of its name, from 1.
+    /// The line number of the value's name, from 1.
     pub line: usize,
     /// The value, if it is a string.
     pub text: Option<String>,
@@ -48,8 +48,8 @@ impl<'a> TomlLines<'a> {
         Ok(Self { text, root })
     }
 
-    /// The line of a field, such as `phases[0].scenes`. If the field is not in the text, the line
-    /// of the innermost table or list around it.
+    /// The line of a field, such as `phases[0].scenes`. If the text does not set the field, returns the
+    /// line of the innermost table or list around it.
     #[must_use]
     pub fn line_of(&self, field: &str) -> usize {
         let mut span = 0..0;

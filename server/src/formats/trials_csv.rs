@@ -1,8 +1,8 @@
 //! Reads trials.csv. Returns whole trials, or an error with its line.
 //!
-//! A file is accepted only if every row can be assigned to a participant. The file must be a text
-//! table, every row must have as many fields as the header, and each row must name a participant.
-//! Any other fault concerns only one participant.
+//! A file is rejected if a row cannot be assigned to a participant. So the file must be a text table,
+//! and every row must have as many fields as the header and must name a participant. Any other fault
+//! affects only one participant.
 
 mod row;
 
@@ -52,10 +52,10 @@ pub fn read(
     faults.into_iter().next().map_or(Ok(participants), |fault| Err(fault.error))
 }
 
-/// The valid participants of a file, and the participants with an invalid row or trial. An invalid
-/// row has an impossible value. The steps of a valid trial are 0, 1, 2, … to the end. Adjacent rows
-/// of a trial must be in order. If a trial's rows are scattered, as in a file sorted by another
-/// column, their order does not matter.
+/// The valid participants of a file, and the participants with an invalid row or trial. A row is
+/// invalid if it has an impossible value. The steps of a valid trial are 0, 1, 2, … without gaps. If
+/// the rows of a trial are adjacent, they must be in order. If they are scattered, as in a file sorted
+/// by another column, their order does not matter.
 ///
 /// # Errors
 /// [`LineError`] if a row cannot be assigned to a participant (a missing column, text that is not UTF-8, a
@@ -104,8 +104,8 @@ pub enum Order {
     Scattered,
 }
 
-/// Checks a file like [`read`], with only one participant in memory, and returns its dialect. A
-/// scattered file is not checked to its end.
+/// Checks a file like [`read`], but keeps only one participant in memory. Returns the order and the
+/// dialect. The check of a scattered file stops early.
 ///
 /// # Errors
 /// The errors of [`read`].
@@ -125,7 +125,7 @@ pub fn check(file: impl Read, parameters: &SceneParameters) -> Result<(Order, Di
 /// Passes the participants of a file one by one to `to`, until it returns `Break`.
 ///
 /// # Errors
-/// The errors of [`read`], when a fault is reached. A scattered file is also an error.
+/// The errors of [`read`], in file order, or an error if the file is scattered.
 pub fn each(
     file: impl Read,
     parameters: &SceneParameters,
@@ -229,7 +229,7 @@ impl Person {
         Self { name, trials: Vec::new(), places: HashMap::new(), previous: None, fault: None }
     }
 
-    /// Must be called if rows of another participant are between two rows of this participant.
+    /// Must be called before a row that follows rows of another participant.
     fn comes_again(&mut self) {
         self.previous = None;
     }
@@ -255,8 +255,8 @@ impl Person {
         self.previous = Some(place);
     }
 
-    /// The participant. Otherwise returns the first invalid row or, if all rows are valid, the
-    /// first invalid trial.
+    /// The participant, or the first invalid row. If all rows are valid, the error is the first invalid
+    /// trial.
     fn recorded(
         self,
         parameters: &SceneParameters,
@@ -305,7 +305,7 @@ impl Trial {
     }
 }
 
-/// An empty trial with the data of its first row.
+/// A trial without steps, with the general data of its first row.
 fn begun(line: u64, row: &Row, rows: usize) -> RecordedTrial {
     RecordedTrial {
         line: Some(line),

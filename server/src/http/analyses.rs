@@ -60,7 +60,7 @@ pub async fn list(
     let found = app.store.analyses_page(study.id, before, limit + 1).await?;
     let (found, next_before) = page(found, limit, |analysis| analysis.sequence);
     let mut analyses: Vec<AnalysisSummary> = found.into_iter().map(summary).collect();
-    // The roughly fifty accuracies of an analysis are shown on its own page, not in a list.
+    // Leave out the accuracies, about fifty per analysis. The page of an analysis shows them.
     analyses.iter_mut().filter_map(|of| of.result.as_mut()).for_each(|of| of.accuracies.clear());
     Ok(Json(AnalysisPage { next_before, analyses }))
 }
@@ -75,8 +75,8 @@ pub async fn show(
     Ok(Json(AnalysisDetail { summary: summary(analysis), files }))
 }
 
-/// `POST /api/v1/admin/analyses/{id}/cancel`: idempotent. 409 if the analysis has already ended in
-/// another way.
+/// `POST /api/v1/admin/analyses/{id}/cancel`: idempotent. 409 if the analysis has already ended without
+/// being cancelled.
 pub async fn cancel(
     Manager(me): Manager,
     State(app): State<Arc<App>>,
@@ -106,7 +106,8 @@ pub async fn delete(
 const REPORTS_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; \
                               base-uri 'none'; form-action 'none'; frame-ancestors 'self'";
 
-/// `GET /api/v1/admin/analyses/{id}/files/{name}`: browsers show a report and save every other file.
+/// `GET /api/v1/admin/analyses/{id}/files/{name}`: a file of an analysis. Browsers show a report, and
+/// download any other file.
 pub async fn file(
     _: Reader,
     State(app): State<Arc<App>>,
@@ -183,7 +184,7 @@ fn summary(stored: StoredAnalysis) -> AnalysisSummary {
     let progress = running.then(|| {
         let (done, of) = (stored.done.unsigned_abs(), stored.of.unsigned_abs());
         let elapsed_ms = stored.started_at_ms.map(|start| (now_ms() - start).max(0));
-        // Ignore cached pieces, because they took no time.
+        // Ignore cached results, because they took no time.
         let left_s = elapsed_ms.filter(|_| stored.fresh > 0).map(|elapsed_ms| {
             1e-3 * elapsed_ms as f64 * of.saturating_sub(done) as f64 / stored.fresh as f64
         });

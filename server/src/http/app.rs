@@ -14,7 +14,7 @@ use std::sync::Arc;
 use tokio::sync::{Notify, OnceCell, watch};
 use tokio_util::sync::CancellationToken;
 
-/// The cookie of the laboratory.
+/// Name of the laboratory's session cookie.
 pub const COOKIE: &str = "sidestep_session";
 
 /// The state that handlers share.
@@ -32,9 +32,9 @@ pub struct App {
     pub pace: Pace,
     /// Rate limits for wrong keys.
     pub guesses: Guesses,
-    /// Draws the scenes of plans.
+    /// Runs the jobs that draw the scenes of plans.
     pub drawing: Bounded,
-    /// Compares keys with a slow hash.
+    /// Runs the jobs that compare keys with a slow hash.
     pub hashing: TakingTurns,
     /// Metrics for `/metrics`.
     pub observed: Observed,
@@ -54,6 +54,6 @@ pub struct App {
     pub writes_backups: bool,
     /// The lengths of archives, for resuming downloads.
     pub lengths: Arc<Lengths>,
-    /// Cancelled when the server stops. This ends endless responses.
+    /// Cancelled when the server stops, so that endless responses end.
     pub stopping: CancellationToken,
 }

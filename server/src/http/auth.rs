@@ -24,8 +24,8 @@ pub struct Writer(pub Visitor);
 /// The holder of a valid token, even if their participation has ended.
 pub struct MeOrGone(pub Visitor);
 
-/// A participant who may write, and the trial in the URL, which is in their plan. Participant and trial
-/// are checked before the body is read, so that other clients cannot send a body.
+/// A participant who may write, and the trial in the URL, which must be in their plan. Both are checked
+/// before the body is read, so that other clients cannot send a body.
 pub struct Assigned {
     /// The participant.
     pub participant_id: String,
@@ -118,7 +118,7 @@ impl Input for Assigned {
 /// If the database cannot be read.
 pub async fn visitor(app: &App, headers: &HeaderMap) -> Result<Option<Visitor>, ApiError> {
     let Some(token) = bearer(headers) else { return Ok(None) };
-    // The looked-up hash is of 256 random bits, so the timing of the lookup leaks nothing.
+    // Tokens have 256 random bits and are looked up by their hash, so the timing leaks nothing.
     Ok(app.store.visitor(secrets::hash(token)).await?)
 }
 

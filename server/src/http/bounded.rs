@@ -1,4 +1,4 @@
-//! Bounded CPU work for requests. A few pieces of work run at a time, and a few more wait in a queue.
+//! Runs CPU-bound jobs for requests. Only a few jobs run at a time, and other jobs wait in a queue.
 
 use crate::http::error::ApiError;
 use crate::store::StoreError;
@@ -11,19 +11,19 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::Instant;
 use tokio::sync::{Semaphore, oneshot};
 
-/// Runs work on separate threads, at most one per processor, and leaves one processor for other
-/// requests. A client that disconnects while it waits costs nothing.
+/// Runs jobs on separate threads. If possible, one processor stays free for other requests. If a client
+/// disconnects while its job waits, the job never runs.
 #[derive(Debug)]
 pub struct Bounded {
     turns: Arc<Semaphore>,
     waiting: AtomicUsize,
     most_waiting: usize,
-    /// The pause after a piece of work, as a multiple of the duration of the work.
+    /// The pause after a job, as a multiple of the duration of the job.
     pause: u32,
 }
 
 impl Bounded {
-    /// Lets at most `most_waiting` pieces of work wait, and refuses more.
+    /// Lets at most `most_waiting` jobs wait, and refuses further jobs.
     #[must_use]
     pub fn new(most_waiting: usize) -> Self {
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
@@ -31,17 +31,17 @@ impl Bounded {
         Self { turns, waiting: AtomicUsize::new(0), most_waiting, pause: 0 }
     }
 
-    /// Adds a pause after each piece of work, `pause` times as long as the work. During a flood of such
-    /// requests, this work then occupies its threads for only 1/(1 + `pause`) of the time.
+    /// Adds a pause after each job, `pause` times as long as the job. Even during a flood of requests,
+    /// the jobs then occupy their threads for only 1/(1 + `pause`) of the time.
     #[must_use]
     pub fn with_pauses(self, pause: u32) -> Self {
         Self { pause, ..self }
     }
 
-    /// Reserves a place in the queue, for work that follows.
+    /// Reserves a place in the queue for a job.
     ///
     /// # Errors
-    /// 503 if too many pieces of work are waiting.
+    /// 503 if too many jobs are waiting.
     pub fn queue(&self) -> Result<InLine<'_>, ApiError> {
         let waiting = Waiting::among(&self.waiting);
         if waiting.ahead >= self.most_waiting {
@@ -51,9 +51,9 @@ impl Bounded {
     }
 }
 
-/// Bounded work that unauthenticated clients can request without limit. Origins take turns, and no
-/// request is refused. A flood from one origin delays another origin only by the work in progress,
-/// and by one piece of work for each waiting origin.
+/// Runs jobs that unauthenticated clients can request without limit. No request is refused, but each
+/// origin has at most one job in the queue. So a flood from one origin delays another origin only by
+/// the jobs in progress and by one job per waiting origin.
 #[derive(Debug)]
 pub struct TakingTurns {
     work: Bounded,
@@ -114,7 +114,7 @@ impl InLine<'_> {
         drop(self.waiting);
         let pause = self.pause;
         let (answer, answered) = oneshot::channel();
-        // Hold the permit until the work and its pause are over, even if the request is cancelled.
+        // Hold the permit until the job and its pause are over, even if the request is cancelled.
         tokio::spawn(async move {
             let begun = Instant::now();
             let done = threads::run_in_spare_time("for-a-request", work).await;
@@ -129,7 +129,7 @@ impl InLine<'_> {
     }
 }
 
-/// Counts one waiting piece of work until it is dropped.
+/// Counts one waiting job until it is dropped.
 #[derive(Debug)]
 struct Waiting<'a> {
     all: &'a AtomicUsize,

@@ -32,7 +32,8 @@ use sidestep::study::StudyConfig;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Maximum number of scenes in the picture of a draft. If there are more, fewer participants are drawn.
+/// Maximum number of scenes in the picture of a draft. The picture shows fewer participants if
+/// necessary.
 const MOST_SCENES: u64 = 3_000;
 
 /// `GET /api/v1/admin/studies/{slug}/configuration`.
@@ -44,7 +45,8 @@ pub async fn show(
     configuration(&app, named(&app.store, &slug).await?).await.map(Json)
 }
 
-/// `POST /api/v1/admin/drafts`: 200 even for an invalid draft, whose error is in the response.
+/// `POST /api/v1/admin/drafts`: checks a draft. An invalid draft also gets a 200, with the error in the
+/// response.
 pub async fn check(
     _: Reader,
     State(app): State<Arc<App>>,
@@ -53,8 +55,8 @@ pub async fn check(
     checked(&app, draft).await.map(Json)
 }
 
-/// `POST /api/v1/admin/drafts/form`: like [`check`], for the values of a form. The server first writes
-/// these values as a study file.
+/// `POST /api/v1/admin/drafts/form`: like [`check`], but the draft is given as form values. The server
+/// first converts these values to a study file.
 pub async fn check_form(
     _: Reader,
     State(app): State<Arc<App>>,
@@ -66,7 +68,8 @@ pub async fn check_form(
         let (config, languages) = (Some(config.clone()), languages(&app));
         Ok(Json(DraftChecked { complaint, config, languages, ..DraftChecked::default() }))
     };
-    // Without a slug, the paper's study would be checked. A JSON array is never a study.
+    // A missing slug would default to the paper's study. JSON arrays, which are never a study, are
+    // rejected here too.
     if !config.get("slug").is_some_and(Value::is_string) {
         let found = config.get("slug").map_or_else(|| "none".to_owned(), Value::to_string);
         let invalid = Invalid::new("slug", "the study's name in addresses", found);
@@ -79,7 +82,7 @@ pub async fn check_form(
             return unwritten(Some(invalid.field.clone()), invalid.to_string());
         }
     };
-    // TOML has no integers above 2⁶³ − 1.
+    // This fails for integers above 2⁶³ − 1, which TOML does not support.
     let toml = match written(&study) {
         Ok(toml) => toml,
         Err(error) => return unwritten(None, one_line(&error.to_string())),
@@ -88,8 +91,8 @@ pub async fn check_form(
     Ok(Json(DraftChecked { toml: Some(toml), ..checked }))
 }
 
-/// Adds the valid range to a complaint about a field that is empty or has a number of the wrong
-/// type. The range is taken from the study's own check of numbers outside the range.
+/// Adds the valid range to a complaint about a field that is null or has a number of the wrong type. To
+/// find the range, tries extreme numbers until the study's own check reports it.
 fn with_range(config: &Value, invalid: Invalid) -> Invalid {
     let pointer = format!("/{}", invalid.field.replace(['.', '['], "/").replace(']', ""));
     if !matches!(config.pointer(&pointer), Some(Value::Null | Value::Number(_))) {
@@ -231,7 +234,8 @@ async fn replace(
     }
 }
 
-/// Does the follow-up work after a study was stored.
+/// Must be called after a study was stored. Stores its value functions if they have a closed form, and
+/// notifies the solver. Returns the configuration.
 async fn stored(app: &App, study: StoredStudy) -> Result<Configuration, ApiError> {
     safety::keep_exact(&app.store, &study).await?;
     app.study_stored.notify_one();
@@ -311,8 +315,8 @@ fn picture(study: &StudyConfig) -> Result<String, ApiError> {
     Ok(design::picture(study, &design::draw(study, people)?).svg())
 }
 
-/// The fields in which two configurations differ, ordered by name. Lists of tables are compared
-/// element by element, and other lists as a whole.
+/// The fields in which two configurations differ, ordered by name. Arrays of tables are compared
+/// element by element, and other arrays as a whole.
 fn changes(before: &StudyConfig, after: &StudyConfig) -> Result<Vec<Change>, ApiError> {
     let leaves = |config: &StudyConfig| -> Result<BTreeMap<String, String>, ApiError> {
         let document = serde_json::to_value(config).context("a configuration as JSON")?;

@@ -18,7 +18,7 @@ const BODY_LIMIT: Duration = Duration::from_secs(40);
 /// Timeout for a client that reads nothing of a pending response.
 const BLOCKED_LIMIT: Duration = Duration::from_secs(60);
 
-/// Upper bounds on all connections together.
+/// Upper bounds for the open connections.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     /// Number of connections.
@@ -48,7 +48,7 @@ enum Phase {
 struct State {
     phase: Phase,
     since: Instant,
-    /// The time since which the client has read nothing of the pending response.
+    /// The time at which the client stopped reading the pending response.
     blocked_since: Option<Instant>,
     /// Number of bytes of the body that have arrived.
     body_bytes: usize,
@@ -134,8 +134,8 @@ impl Watch {
             || state.blocked_since.is_some_and(|since| past(since, BLOCKED_LIMIT))
     }
 
-    /// The time since which the server has been waiting for the client to send a request or to read
-    /// a response. `None` if the client waits for the server.
+    /// The time at which the server began to wait for the client, which must send a request or read a
+    /// response. `None` if the client waits for the server.
     fn idle_since(&self) -> Option<Instant> {
         let state = self.state();
         match state.phase {
@@ -144,7 +144,7 @@ impl Watch {
         }
     }
 
-    /// The time since which the client has been sending a body. `None` if it is not sending one.
+    /// The time at which the client began to send a body. `None` if it is not sending a body.
     fn body_since(&self) -> Option<Instant> {
         let state = self.state();
         (state.phase == Phase::Body).then_some(state.since)
@@ -179,9 +179,9 @@ impl Connections {
         Self { limits, table: Mutex::default(), body_bytes: Arc::default() }
     }
 
-    /// Adds a connection from `address`, and closes other connections if necessary. Returns `None`
-    /// if no connection can be closed because all of these clients are waiting for this server;
-    /// closing one would abort a request. Connections of a proxy are not counted per address.
+    /// Adds a connection from `address`, and closes other connections if necessary. Returns `None` if
+    /// all these clients are waiting for a response, because closing one of their connections would
+    /// abort a request. The limit per origin does not apply to a proxy.
     pub fn admit(self: &Arc<Self>, address: IpAddr, is_proxy: bool) -> Option<Admitted> {
         let origin = origin(address);
         let mut table = self.table();
@@ -214,8 +214,8 @@ impl Connections {
         Some(Admitted { id, watch, connections: Arc::clone(self) })
     }
 
-    /// Closes some connections on which the server waits for the client, because the system cannot
-    /// open another one.
+    /// Closes some connections on which the server waits for the client. Used when the system cannot
+    /// open another connection.
     pub fn make_room(&self) {
         self.table().make_room(None);
     }
@@ -245,8 +245,8 @@ impl Connections {
         });
         let mut senders: Vec<_> = senders.collect();
         senders.sort_unstable();
-        // Recompute the total. A connection that was just closed is no longer in the table,
-        // although its bytes may not be released yet.
+        // Recompute the total, because `held` may include connections that were just closed and are no
+        // longer in the table.
         let mut held: usize = senders.iter().map(|(_, _, bytes)| bytes).sum();
         for (_, id, bytes) in senders {
             if held <= self.limits.body_bytes / 4 * 3 {
@@ -268,7 +268,8 @@ impl Table {
     }
 
     /// Closes the connections (of one origin, or of all) on which the server has been waiting longest.
-    /// Closes several at once, so that the search is rare. Returns the number of closed connections.
+    /// Closes several at once, so that this search is rarely necessary. Returns the number of closed
+    /// connections.
     fn make_room(&mut self, origin: Option<IpAddr>) -> usize {
         let of_origin = |from: IpAddr| origin.is_none_or(|origin| origin == from);
         let idle = self.open.iter().filter(|(_, (from, _))| of_origin(*from));
@@ -306,7 +307,7 @@ impl Table {
 #[derive(Debug)]
 pub struct Admitted {
     id: u64,
-    /// The connection.
+    /// The state of the connection.
     pub watch: Arc<Watch>,
     connections: Arc<Connections>,
 }

@@ -45,7 +45,7 @@ pub fn newcomers_url(
     Recruitment::filled(url, None, external_id.map(str::trim))
 }
 
-/// Whether a participant can continue. Otherwise also returns their return link.
+/// Whether a participant can continue, and the return link if they cannot.
 #[must_use]
 pub fn standing(config: &StudyConfig, me: &Participant) -> (Admission, Option<String>) {
     if me.withdrawn_at_ms.is_some() {

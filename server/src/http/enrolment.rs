@@ -43,7 +43,8 @@ pub async fn enrol(
         let expected = "the id of your recruiting service, in the link that it gave you";
         return Err(Invalid::new("external_id", expected, "none").into());
     }
-    // Do this before anything is stored, so that nobody is enrolled without scenes if the queue is full.
+    // Reserve a place in the queue first. If the queue is full, the request fails before anything is
+    // stored.
     let drawing = app.drawing.queue()?;
     let page = body
         .locale
@@ -118,8 +119,8 @@ fn is_synthetic(body: &Enrolment) -> bool {
     said == Some(&Value::Bool(true))
 }
 
-/// A hash of the request id, the external id, and whether the request is for a pilot. Together, these
-/// three identify a request.
+/// A hash of the request id, the external id and the pilot flag, which together identify a request.
+/// Returns `None` without a request id.
 fn request_hash(body: &Enrolment) -> Option<[u8; 32]> {
     let kind = if body.pilot { "pilot " } else { "" };
     body.request_id.as_ref().map(|id| match &body.external_id {
@@ -139,7 +140,7 @@ fn json(value: &impl serde::Serialize) -> Result<String, ApiError> {
     Ok(serde_json::to_string(value).context("an enrolment as JSON")?)
 }
 
-/// The scenes of the participant at this place, as rows.
+/// Draws the scenes of the participant with this place number, as rows of the plan.
 fn plan_rows(config: &StudyConfig, place: u64) -> Result<Vec<PlannedRow>, StoreError> {
     let phases = config.stratified(place).map_err(|error| StoreError::Defect(error.to_string()))?;
     let scenes = phases.into_iter().flat_map(|(phase, scenes)| {

@@ -52,7 +52,7 @@ impl ApiError {
         Self::new(StatusCode::BAD_REQUEST, "malformed", message)
     }
 
-    /// 401 `unauthorized`. The response is the same for every reason.
+    /// 401 `unauthorized`. The response does not reveal the reason.
     #[must_use]
     pub fn unauthorized() -> Self {
         let message = "this needs a valid token or key";

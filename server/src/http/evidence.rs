@@ -1,5 +1,5 @@
-//! Request bodies with records from a participant's browser. They are evidence, and are kept
-//! whatever they contain.
+//! Request bodies with records from a participant's browser. These records are evidence, so they are
+//! stored whatever they contain.
 
 use crate::http::error::ApiError;
 use crate::http::json::{self, JsonBody};

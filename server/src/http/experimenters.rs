@@ -52,8 +52,8 @@ impl Experimenter {
         NewEntry { at_ms: now_ms(), key_id: self.key_id, who, action, study, subject }
     }
 
-    /// Accepts an experimenter whose key has at least this access level. A refusal is recorded in
-    /// the audit trail with the route's pattern, because URLs may contain anything.
+    /// Accepts an experimenter whose key has at least this access level. A refusal is recorded in the
+    /// audit trail with the pattern of the route instead of the URL, which may contain anything.
     ///
     /// # Errors
     /// 403 `access`.
@@ -200,8 +200,9 @@ async fn session(app: &App, cookie: &str) -> Result<Option<Holder>, ApiError> {
     Ok(None)
 }
 
-/// The hash under which an experimenter's session is stored. For the key in the environment variable,
-/// the hash depends on this key, so that a server with another key accepts no session of this key.
+/// The hash under which an experimenter's session is stored. If the experimenter has the key in the
+/// environment variable, the hash depends on this key. So a server with another key does not accept the
+/// session.
 #[must_use]
 pub fn session_hash(app: &App, me: &Experimenter, cookie: &str) -> [u8; 32] {
     match (&app.environment_key, me.key_id) {
@@ -216,14 +217,14 @@ pub fn session_hashes(app: &App, cookie: &str) -> impl Iterator<Item = [u8; 32]>
     std::iter::once(secrets::hash(cookie)).chain(bound)
 }
 
-/// The holder of a key. The correct key is accepted regardless of the number of wrong keys from the
-/// same address.
+/// The holder of a key. A correct key is accepted regardless of the number of wrong keys from the same
+/// address.
 ///
 /// # Errors
 /// 401 for a wrong key, and 429 after too many wrong keys.
 pub async fn check_key(app: &App, key: &str, address: IpAddr) -> Result<Experimenter, ApiError> {
-    // The timing of a hash lookup does not help to guess a key, and 256 random bits cannot be
-    // guessed. So these keys never wait.
+    // These keys have 256 random bits and are looked up by their hash. Neither guessing nor timing
+    // finds them, so there is no delay.
     match app.store.key(secrets::hash(key)).await?.map(Holder::Key) {
         Some(holder) if is_valid(app, &holder) => return used(app, holder).await,
         // A revoked key does not count as a guess.
@@ -294,7 +295,7 @@ pub fn session_cookie(headers: &HeaderMap) -> Option<&str> {
         .find_map(|pair| pair.trim().strip_prefix(COOKIE)?.strip_prefix('='))
 }
 
-/// Ensures that there is a first key. Returns the key if it is new. Afterwards only its hash is known.
+/// Ensures that there is a first key. Returns the key if it is new. Only its hash is stored.
 ///
 /// # Errors
 /// If the database cannot be written.

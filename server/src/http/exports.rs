@@ -1,8 +1,9 @@
-//! Exports of a study's data, as an archive with the files of `sidestep export`, or as the steps in CSV.
+//! Exports of a study's data: an archive with the files of `sidestep export`, or one CSV file of the
+//! steps.
 //!
-//! An archive is sent while it is written. Its last file is the manifest, and a truncated archive also
-//! lacks its table of contents. The same data give the same bytes and the same `ETag`. So a client can
-//! resume an interrupted download (`Range`) while the data are unchanged (`If-Range`, `If-Match`).
+//! An archive is sent while it is written. A truncated archive lacks the manifest, which is the last
+//! file, and the table of contents. The same data give the same bytes and the same `ETag`. So a client
+//! can resume an interrupted download (`Range`) while the data are unchanged (`If-Range`, `If-Match`).
 
 mod body;
 mod range;

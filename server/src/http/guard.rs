@@ -63,8 +63,8 @@ pub async fn no_store(request: Request, next: Next) -> axum::response::Response 
 }
 
 /// Refuses requests that a page of another site makes a browser send. Programs other than browsers send
-/// neither `Sec-Fetch-Site` nor `Origin`. Their requests are accepted, because such programs send no
-/// cookie unintentionally.
+/// neither `Sec-Fetch-Site` nor `Origin`. Their requests are accepted, because such programs never send
+/// a cookie unintentionally.
 pub async fn same_site(request: Request, next: Next) -> axum::response::Response {
     let safe = matches!(*request.method(), Method::GET | Method::HEAD | Method::OPTIONS);
     if safe || is_same_origin(request.headers()) {
@@ -128,8 +128,8 @@ pub async fn time_limit(request: Request, next: Next) -> axum::response::Respons
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
-/// The id of a request, which is in all its log lines and in its response. The id of a trusted
-/// proxy is used, so that both logs have the same id. Otherwise the id is new.
+/// The id of a request, which is in all its log lines and in its response. An id from a trusted proxy
+/// is kept, so that both logs have the same id. Otherwise the id is new.
 fn request_id(request: &Request) -> String {
     let is_proxied = request.extensions().get::<Client>().is_some_and(|client| client.is_proxied);
     let given = request.headers().get(REQUEST_ID).filter(|_| is_proxied);
@@ -140,8 +140,8 @@ fn request_id(request: &Request) -> String {
     given.map_or_else(|| uuid::Uuid::new_v4().simple().to_string(), str::to_owned)
 }
 
-/// The name of a method. Methods that no route has share one word, because a client may invent any
-/// number of them.
+/// The name of a method for logs and metrics. All uncommon methods share one name, because a client may
+/// invent any number of them.
 fn known(method: &Method) -> &str {
     match *method {
         Method::GET

@@ -7,7 +7,8 @@ use crate::http::{
 };
 use sidestep::api::{ParticipantPage, Session, Texts, routes};
 
-/// All routes except the pages. The paths come from the list that clients use, with parameters in braces.
+/// All routes except the pages. The paths come from the module that clients also use, with parameters
+/// in braces.
 #[must_use]
 pub fn table() -> Table {
     let table = Table::default();

@@ -27,7 +27,7 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for JsonBody<T> {
     }
 }
 
-/// The bytes of a body that has the media type of JSON.
+/// Reads the bytes of a body whose media type is JSON.
 ///
 /// # Errors
 /// 400, 413 or 415, as for [`JsonBody`].

@@ -1,5 +1,5 @@
-//! Accepts connections with or without TLS, closes connections on which the server waits too long,
-//! and stops gracefully.
+//! Accepts connections with or without TLS, closes connections whose clients are too slow, and stops
+//! gracefully.
 
 use crate::http::connections::{Admitted, Connections, HEAD_LIMIT};
 use crate::http::peer::Proxies;
@@ -58,7 +58,8 @@ pub async fn serve(listener: TcpListener, service: Service, stop: impl Future<Ou
             Ok((stream, from)) => {
                 let peer = from.ip().to_canonical();
                 let is_proxy = service.proxies.trusts(peer);
-                // Close the connection if there is no slot. Every other client is waiting for a response.
+                // Without a free slot, close the new connection, because all other clients wait for a
+                // response.
                 let Some(admitted) = service.connections.admit(peer, is_proxy) else { continue };
                 tokio::spawn(converse(stream, peer, admitted, service.clone(), running.watcher()));
             }
@@ -143,9 +144,9 @@ async fn answer<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
     }
 }
 
-/// The `Date` of a response. Returns `None` if the clock cannot be right.
+/// The `Date` of a response. Returns `None` if the clock is outside the years 1970 to 9999.
 fn date(now: SystemTime) -> Option<HeaderValue> {
-    /// The year 10000 (s since 1970). HTTP dates have four-digit years.
+    /// Beginning of the year 10000 (s since 1970), because HTTP dates have four-digit years.
     const END: Duration = Duration::from_secs(253_402_300_800);
     let since = now.duration_since(UNIX_EPOCH).ok()?;
     (since < END).then(|| HeaderValue::from_str(&httpdate::fmt_http_date(now)).ok()).flatten()

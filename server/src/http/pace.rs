@@ -8,7 +8,8 @@ use std::net::{IpAddr, Ipv4Addr};
 use std::time::Duration;
 
 /// Rate limits per origin and per token. A whole class behind one address stays far below them. Local
-/// programs that are not proxies are exempt, because their users can do more than send requests.
+/// programs that are not proxies are exempt, because users of this machine can do more than send
+/// requests.
 #[derive(Debug)]
 pub struct Pace {
     requests: Throttle<IpAddr>,
@@ -17,7 +18,7 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// New rate limits. The servers of a database count enrolments together. Each server counts
+    /// New rate limits. Servers that share a database count enrolments together. Each server counts
     /// requests on its own, to protect itself.
     #[must_use]
     pub fn new(store: &Store) -> Self {
@@ -56,10 +57,9 @@ impl Pace {
 
 /// Rate limits for wrong keys, per origin and for all origins together.
 ///
-/// If every key from an origin were refused, the correct key of a user who shares this origin would
-/// also be refused. So each key is compared. There is a delay for origins that have sent many wrong
-/// keys, and for all origins while many wrong keys arrive in total. A client that does not wait for
-/// the response learns nothing.
+/// Refusing all keys from an origin would also refuse the correct key of another user at this origin.
+/// So every key is compared, but with a delay if the origin has sent many wrong keys, or if all origins
+/// together have sent very many. A client that does not wait for the response learns nothing.
 #[derive(Debug)]
 pub struct Guesses {
     of_origin: SharedThrottle,
@@ -73,7 +73,7 @@ pub struct Guesses {
 const ALL: IpAddr = IpAddr::V4(Ipv4Addr::UNSPECIFIED);
 
 impl Guesses {
-    /// New rate limits. The servers of a database count wrong keys together.
+    /// New rate limits. Servers that share a database count wrong keys together.
     #[must_use]
     pub fn new(store: &Store) -> Self {
         let throttle = |kind, burst, pause| SharedThrottle::new(store, kind, burst, pause);

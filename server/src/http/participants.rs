@@ -26,8 +26,8 @@ use sidestep::invalid::Invalid;
 use sidestep::study::Question;
 use std::sync::Arc;
 
-/// `GET /api/v1/participants/me`. The request counts as presence, so in a study with a quota, the
-/// participant keeps their place.
+/// `GET /api/v1/participants/me`. The request shows that the participant is present, so they keep their
+/// place in a study with a quota.
 pub async fn show(
     State(app): State<Arc<App>>,
     Me(visitor): Me,
@@ -95,8 +95,8 @@ pub async fn check_understanding(
     Ok(Json(ComprehensionStored { screened_out, after_wrong, return_url }))
 }
 
-/// `PUT /api/v1/participants/me/answers`: 204. Replaces earlier answers until the participation is
-/// complete, if the token is from the browser that enrolled.
+/// `PUT /api/v1/participants/me/answers`: 204. The browser that enrolled may replace earlier answers
+/// until the participation is complete.
 pub async fn answer(
     State(app): State<Arc<App>>,
     Writer(visitor): Writer,

@@ -1,5 +1,5 @@
-//! The client of a request: its address, and whether its connection is encrypted. This also works
-//! behind trusted proxies.
+//! Determines the client of a request: its address, and whether its connection is encrypted. Behind a
+//! trusted proxy, the proxy reports both.
 
 use axum::http::{HeaderMap, HeaderName, header};
 use ipnet::IpNet;
@@ -26,7 +26,7 @@ impl Default for Client {
     }
 }
 
-/// The trusted proxies. Their headers about clients are used.
+/// The trusted proxies. Only their `X-Forwarded-*` and `Forwarded` headers are used.
 #[derive(Clone, Debug, Default)]
 pub struct Proxies(Vec<IpNet>);
 
@@ -74,7 +74,7 @@ impl Proxies {
         }
         let mut address = peer;
         for hop in hops.iter().rev() {
-            // An invalid address hides the addresses before it.
+            // Stop at an invalid address, and ignore the addresses before it.
             let Some(before) = address_of(hop) else { break };
             address = before;
             if !self.trusts(address) {
@@ -91,8 +91,8 @@ impl Proxies {
     }
 }
 
-/// The unit in which rate limits count addresses. It is shared by a household or laboratory. It is
-/// an IPv4 address, or the 64-bit IPv6 network that a customer has.
+/// The unit by which rate limits count clients: an IPv4 address, or an IPv6 network with a 64-bit
+/// prefix. The devices of a household or laboratory share it.
 #[must_use]
 pub fn origin(address: IpAddr) -> IpAddr {
     match address.to_canonical() {

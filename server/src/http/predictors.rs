@@ -1,4 +1,4 @@
-//! Predictors: the models of analyses, and the model for the replay of a trial.
+//! Predictors: the models that analyses trained, and the model for the replay of a trial.
 
 use crate::http::analyses;
 use crate::http::app::App;
@@ -219,7 +219,8 @@ fn learned(
 /// Confidence level of intervals, as in analyses.
 const CONFIDENCE: f64 = 0.95;
 
-/// A model of an analysis, with its relation to a trial and the trials on which it was trained.
+/// A model that an analysis trained, with its relation to this trial, and the trials on which it was
+/// trained.
 ///
 /// # Errors
 /// [`ApiError`] if there is no such model, or a replay cannot use it.

@@ -43,8 +43,8 @@ pub async fn show(
     }
     let config = app.store.config(&found.config_hash).await?;
     let study = app.store.study(&found.study).await?.ok_or_else(unknown)?;
-    // A participant counts for the latest version that equals the participant's configuration, apart
-    // from the status.
+    // A participant belongs to the latest version that equals their configuration, except perhaps for
+    // the status.
     let versions = app.store.study_versions(study.id).await?;
     let version = versions.iter().rev().find(|version| version.says(&config));
     let synthetic = is_synthetic(&found, &config);
@@ -102,7 +102,7 @@ pub async fn drives(
     }))
 }
 
-/// Whether this participant is a program. A pilot participant of a study for programs may be a person.
+/// Whether this participant is a program. In a study for programs, a pilot participant may be a person.
 fn is_synthetic(found: &Profile, config: &StudyConfig) -> bool {
     (config.synthetic && !found.summary.pilot) || found.trials.iter().any(StoredTrial::is_synthetic)
 }

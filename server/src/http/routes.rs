@@ -135,7 +135,8 @@ mod tests {
         assert_eq!(body::<Problem>(refused).await.code, "busy");
     }
 
-    /// A trial that arrives behind a whole class is stored while most of the class is still waiting.
+    /// A trial that arrives after the enrolments of a whole class is stored while most enrolments still
+    /// wait.
     #[tokio::test]
     async fn a_trial_is_answered_ahead_of_a_class_that_enrols() {
         const AHEAD: usize = 10;
@@ -155,7 +156,7 @@ mod tests {
         };
         begin(&mut class, AHEAD);
         store.until_waiting([0, AHEAD]).await;
-        // Among the enrolments there is an operation that blocks the writer again.
+        // Queue an operation between the enrolments, to block the writer again.
         let (go, wait) = mpsc::channel();
         let (began, again) = oneshot::channel();
         let mut holding = Box::pin(store.hold(began, wait));

@@ -27,8 +27,9 @@ pub struct StudyParams {
 }
 
 /// `GET /api/v1/studies/{slug}?external_id=`. With a participant's token, the response has the
-/// configuration of their enrolment. With an external id, it states whether this person can take part; they
-/// may have begun or finished. This reveals no more than an enrolment with the same id, and stores nothing.
+/// configuration of their enrolment. With an external id, it states whether this person can take part,
+/// or has already begun or finished. This reveals no more than an enrolment with the same id, and
+/// stores nothing.
 pub async fn show(
     State(app): State<Arc<App>>,
     PathText(slug): PathText,

@@ -26,9 +26,9 @@ pub struct TextParams {
     language: Option<String>,
 }
 
-/// `GET /api/v1/studies/{slug}/texts?language=`: the texts in this language. By default, or if the
-/// study does not have it, the texts are in the language that the browser prefers. With a
-/// participant's token, they are the texts of the configuration of their enrolment.
+/// `GET /api/v1/studies/{slug}/texts?language=`: the texts in this language. Without this parameter, or
+/// if the study does not offer the language, the server uses the language that the browser prefers.
+/// With a participant's token, the texts belong to the configuration under which they enrolled.
 pub async fn show(
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
@@ -59,8 +59,8 @@ pub async fn show(
     Ok((vary, Json(Texts { check, ..page.texts.clone() })).into_response())
 }
 
-/// The seed for drawing a participant's questions. It depends on the participant. Unless
-/// participants keep their questions after a wrong answer, it also depends on the attempt.
+/// The seed for drawing a participant's questions. The seed also depends on the attempt, unless
+/// participants keep their questions after a wrong answer.
 fn drawing_seed(visitor: &Visitor, after_wrong: AfterWrong) -> u64 {
     let attempt = match after_wrong {
         AfterWrong::Mark => 0,

@@ -9,13 +9,13 @@ use std::net::IpAddr;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// A token bucket for each of many keys, such as addresses or tokens. A key has a burst of `burst`
-/// turns, and gets one more turn after each `pause`. The counts are in this server's memory.
+/// A token bucket for each of many keys, such as addresses or tokens. Each key can take `burst` turns
+/// at once, and regains one turn after each `pause`. The counts are in this server's memory.
 #[derive(Debug)]
 pub struct Throttle<Who> {
     burst: u32,
     pause: Duration,
-    /// The time at which each key will have all its `burst` turns again.
+    /// The time at which each key will have all `burst` turns again.
     full_at: Mutex<HashMap<Who, Instant>>,
 }
 
@@ -34,8 +34,8 @@ pub struct SharedThrottle {
 }
 
 impl SharedThrottle {
-    /// A rate limit of this kind. It is counted in the database if servers share it, and otherwise
-    /// in memory.
+    /// A rate limit of this kind. It is counted in the database if several servers share it, and
+    /// otherwise in memory.
     #[must_use]
     pub fn new(store: &Store, kind: &'static str, burst: u32, pause: Duration) -> Self {
         let store = store.is_shared().then(|| store.clone());

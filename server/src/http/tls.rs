@@ -39,7 +39,7 @@ impl Certificates {
     /// Reads the certificate and the key from these files.
     ///
     /// # Errors
-    /// A line that names the file, with the expected and the found content.
+    /// One line that names the file and states what was expected and what was found.
     pub fn open(certificate: &Path, key: &Path) -> Result<Self, String> {
         let files = Files { certificate: certificate.to_owned(), key: key.to_owned() };
         let present = Arc::new(Present(RwLock::new(Arc::new(files.read()?))));
@@ -144,14 +144,16 @@ fn found(error: &pem::Error) -> String {
     }
 }
 
-/// The fault of a certificate by itself. Clients decide whether they trust its issuers.
+/// The fault of a certificate, regardless of its issuers. Clients decide whether they trust the
+/// issuers.
 fn damage(certificate: &CertificateDer<'_>) -> Option<String> {
     let Ok(parsed) = EndEntityCert::try_from(certificate) else {
         return Some("a damaged one".to_owned());
     };
     let (usage, now) = (KeyUsage::server_auth(), UnixTime::now());
     let at = |time: UnixTime| date_time(i64::try_from(time.as_secs()).unwrap_or(i64::MAX) * 1000);
-    // The dates are checked before the issuers. No issuer is given here.
+    // The dates are checked before the issuers. Errors about issuers are ignored, because none is given
+    // here.
     match parsed.verify_for_usage(&[], &[], &[], now, usage, None, None) {
         Err(webpki::Error::CertExpired { not_after, .. }) => {
             Some(format!("one that was valid until {}", at(not_after)))

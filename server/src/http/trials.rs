@@ -103,8 +103,8 @@ fn recorded(
     })
 }
 
-/// A number derived from the times of the key events. If two participants press and release keys at
-/// identical times, to a fraction of a millisecond, this is not a coincidence.
+/// A hash of the times of the key events, or `None` if there are too few events. Equal hashes of two
+/// participants are no coincidence, because the times are precise to a fraction of a millisecond.
 fn key_timing(events: &[KeyEvent]) -> Option<i64> {
     const ENOUGH: usize = 4;
     if events.len() < ENOUGH {

@@ -18,7 +18,7 @@ pub async fn show(
 ) -> Result<Response, ApiError> {
     let found = app.store.value_function(&id).await?;
     let bytes = found.ok_or_else(|| ApiError::not_found("value function"))?;
-    // The tag is weak, because the same bytes are sent with several encodings.
+    // The ETag is weak, because the same bytes may be sent in several content encodings.
     let tag = format!("W/\"{id}\"");
     let cached = headers
         .get(header::IF_NONE_MATCH)

@@ -31,10 +31,10 @@ impl<S> Watched<S> {
 
 /// Checks the lines of a request's head as they arrive.
 ///
-/// A proxy in front of this server may split lines differently if a line ends without a carriage
-/// return. It may see another end of the body if the head has both a content length and a transfer
-/// encoding. Either difference could hide a second request. The parser accepts both, so the end of
-/// such a line is overwritten with a byte that the parser rejects, and the response is 400.
+/// Two ambiguities would allow request smuggling past a proxy in front of this server: a line that ends
+/// without a carriage return, and a head with both a content length and a transfer encoding. The HTTP
+/// parser accepts both. So the end of such a line is overwritten with a byte that the parser rejects,
+/// and the response is 400.
 #[derive(Debug, Default)]
 struct Head {
     last: u8,
@@ -68,7 +68,7 @@ impl Head {
                 if self.has_length && self.is_chunked {
                     *byte = 0;
                 }
-                // An empty line before the first line is skipped, as in the parser.
+                // Skip an empty line before the first line, as the parser does.
                 let is_empty = self.length == 1;
                 self.is_over = is_empty && self.lines > 0;
                 self.lines += usize::from(!is_empty);
@@ -134,7 +134,7 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for Watched<S> {
     }
 }
 
-/// The body of a request while it arrives. It reports to the watch.
+/// The body of a request. It reports to the watch how many bytes have arrived.
 #[derive(Debug)]
 pub struct Received {
     body: Incoming,
@@ -230,7 +230,7 @@ impl HttpBody for Sent {
 mod tests {
     use super::*;
 
-    /// The head as the parser receives it, when it arrives in pieces of this length.
+    /// Returns the head as the parser receives it if it arrives in pieces of this length.
     fn read(text: &str, piece: usize) -> String {
         let mut bytes = text.as_bytes().to_vec();
         let mut head = Head::default();

@@ -11,7 +11,8 @@ use std::sync::{Arc, PoisonError, RwLock};
 #[derive(Debug)]
 pub struct Library {
     languages: Languages,
-    /// The pages, by the hash of the configuration and the language. Neither changes while the server runs.
+    /// The pages, by the hash of the configuration and the language. Cached pages never change while
+    /// the server runs.
     made: RwLock<HashMap<(String, String), Arc<Page>>>,
 }
 
@@ -37,9 +38,9 @@ impl Library {
         &self.languages
     }
 
-    /// The texts of the configuration with this hash. They are in the first of the `wanted` languages that
-    /// the study offers, or otherwise in the first language of the study. Participants who have `begun` in
-    /// a language can continue in it, even if the study no longer offers it to others.
+    /// The texts of the configuration with this hash. They are in the first of the `wanted` languages
+    /// that the study offers, or otherwise in the first language of the study. If a participant has
+    /// `begun` in a language, they can continue in it, even if the study no longer offers it to others.
     pub fn page<'a>(
         &self,
         config: &StudyConfig,

@@ -44,8 +44,8 @@ fn below(level: HeadingLevel) -> HeadingLevel {
     }
 }
 
-/// Whether a URL runs no script. The check allows no characters before the scheme that a browser
-/// would skip.
+/// Whether a URL is safe, which means that it runs no script. Leading characters that a browser would
+/// skip make it unsafe.
 fn is_allowed(address: &str) -> bool {
     let lower = address.to_ascii_lowercase();
     ["https://", "http://", "mailto:"].iter().any(|scheme| lower.starts_with(scheme))

@@ -18,7 +18,7 @@ impl Languages {
     #[must_use]
     pub fn texts(&self, study: &StudyConfig, language: &str) -> Texts {
         let mut sentences = Object::default();
-        // Leave out sentences of a study file that this version no longer has.
+        // Ignore a study file's changes to sentences that this version no longer has.
         let known = self.get(language);
         for (key, text) in known.into_iter().flat_map(|known| known.iter()) {
             sentences.insert(key.to_owned(), text.to_owned());
@@ -102,8 +102,8 @@ fn check(study: &StudyConfig, language: &str, sentences: &Object<String>) -> Vec
     standard.into_iter().flatten().chain(own).collect()
 }
 
-/// The questions for one participant, drawn from these, with shuffled options. Without a seed, no
-/// participant is asked yet, and the result is the first questions in order.
+/// Draws the questions for one participant, and shuffles their options. Without a seed, there is no
+/// participant yet, and the result is the first questions in order.
 #[must_use]
 pub fn drawn(check: &[CheckForm], settings: &Comprehension, seed: Option<u64>) -> Vec<CheckForm> {
     let count = if settings.draw > 0 { settings.draw } else { check.len() };
@@ -137,8 +137,8 @@ fn form(question: &Question, language: &str, fallback: &str) -> QuestionForm {
     }
 }
 
-/// A hash of the content to which a participant agreed. It is the SHA-256, in hexadecimal digits,
-/// of a JSON list of the study's consent text (HTML or null), its facts, and the page's sentences
+/// A hash of the content to which a participant agreed: the SHA-256, in hexadecimal digits, of a JSON
+/// list. The list contains the study's consent text (HTML or null), its facts, and the page's sentences
 /// whose keys begin with `welcome.`, as in [`Texts`].
 #[must_use]
 pub fn consent_hash(texts: &Texts) -> String {
@@ -175,8 +175,8 @@ mod tests {
                 places[form.answer] += 1;
             }
         }
-        // There are 12,000 questions. Each of the 6 questions is expected 2000 times, and each of
-        // the 3 places 4000 times. The standard deviations are at most 41 and 52.
+        // 12,000 questions are drawn. The expected count is 2000 for each of the 6 questions, and 4000
+        // for each of the 3 places. The standard deviations are at most 41 and 52.
         assert!(asked.iter().all(|count| (1800..2200).contains(count)), "{asked:?}");
         assert!(places.iter().all(|count| (3740..4260).contains(count)), "{places:?}");
         assert_eq!(drawn(&all, &study.comprehension, None), all[..2]);

@@ -1,9 +1,9 @@
 //! The sentences of one language, from a TOML file with tables of sentences.
 //!
-//! A sentence has a key, which consists of the names on the path to it, joined by dots. It may have
-//! placeholders, such as `{seconds}`. A sentence that depends on a number has a form for each
-//! plural category of Unicode (`.one`, `.few`, `.other` …). Languages may have different forms, but
-//! all have `.other`.
+//! The key of a sentence consists of the names on its path, joined by dots. A sentence may have
+//! placeholders, such as `{seconds}`. A sentence that depends on a number has a form for each plural
+//! category of Unicode (`.one`, `.few`, `.other` …). Languages may have different forms, but all have
+//! `.other`.
 
 use crate::formats::toml_lines::{Complaint, TomlLines};
 use sidestep::invalid::Invalid;
@@ -16,8 +16,8 @@ pub struct Sentences(BTreeMap<String, String>);
 /// The plural forms.
 const FORMS: [&str; 6] = ["zero", "one", "two", "few", "many", "other"];
 
-/// Sentences and placeholders that a study may omit from them, because they stay true without the
-/// placeholder.
+/// Pairs of a sentence and a placeholder. A study may omit the placeholder, because the sentence stays
+/// true without it.
 const MAY_OMIT: [(&str, &str); 3] =
     [("instructions.zone", "radius"), ("check_zone.right", "radius"), ("ready.how", "seconds")];
 
@@ -53,12 +53,12 @@ impl Sentences {
         self.0.iter().map(|(key, text)| (key.as_str(), text.as_str()))
     }
 
-    /// Replaces sentences by those of `above`.
+    /// Replaces sentences by the sentences of `above` with the same keys, and adds the others.
     pub fn lay_over(&mut self, above: Self) {
         self.0.extend(above.0);
     }
 
-    /// Accepts sentences that have the keys and placeholders of `english`.
+    /// Checks that these sentences have the same keys and placeholders as `english`.
     ///
     /// # Errors
     /// One line naming the sentence, with the expected and the found value.
@@ -89,8 +89,8 @@ impl Sentences {
         Ok(())
     }
 
-    /// Accepts a text for an existing sentence or for a further plural form of one, if it has the
-    /// placeholders of that sentence.
+    /// Checks a new text for an existing sentence, or for a further plural form of a sentence. The text
+    /// must have the placeholders of that sentence.
     ///
     /// # Errors
     /// [`Invalid`] naming the sentence.
@@ -126,7 +126,7 @@ impl Sentences {
         }
     }
 
-    /// Whether a key is a plural form. It is if it has a sibling `.other` and all siblings are
+    /// Whether a key is a plural form. This requires a sibling `.other`, and that all siblings are
     /// plural forms.
     fn is_form(&self, key: &str) -> bool {
         let Some((stem, form)) = key.rsplit_once('.') else { return false };

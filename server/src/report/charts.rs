@@ -17,8 +17,8 @@ use sidestep::comparison::gains::Gain;
 use sidestep::comparison::models::ModelName;
 use sidestep::comparison::tables::Metric;
 
-/// Width of every chart (px), for the screen of a phone. A wider page shows several charts side by
-/// side, so that text keeps its size.
+/// Width of every chart (px), which fits a phone. A wider page shows several charts side by side, so
+/// that the size of text stays the same.
 const WIDTH: f64 = 340.0;
 
 /// Charts that belong together and share one legend.
@@ -28,7 +28,7 @@ pub(super) struct Figure {
     drawings: Vec<Drawing>,
     legend: Vec<LegendItem>,
     tables: Vec<Table>,
-    /// Whether the charts are maps with tones that need a scale.
+    /// Whether the charts are maps, whose tones need a scale.
     has_tones: bool,
 }
 
@@ -37,7 +37,7 @@ fn figure(name: &'static str, charts: &[Chart], height: f64) -> Figure {
     drawn(name, charts, |chart| chart.drawing([WIDTH, height]))
 }
 
-/// A figure of charts of any size.
+/// A figure of charts, each drawn by `draw`.
 fn drawn(name: &'static str, charts: &[Chart], draw: impl Fn(&Chart) -> Drawing) -> Figure {
     let tables = charts.iter().map(Chart::table).filter(|table| !table.rows.is_empty());
     Figure {
@@ -149,13 +149,13 @@ fn reference(ends: [[f64; 2]; 2]) -> Series {
     Series::drawn("", ends, Pen::new(colours::MUTED, 1.5).dashed(5.0, 3.0))
 }
 
-/// From the smallest number (at most 0) to the largest number.
+/// The range of the numbers, extended to contain 0.
 fn range(numbers: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
     [numbers.clone().fold(0.0, f64::min), numbers.fold(0.0, f64::max)]
 }
 
-/// The gains of one feature set over another that are in the findings. Each pair of sets has the
-/// heading of its chart and the name of its axis.
+/// The gains of one feature set over another that are in the findings. For each pair of sets: the
+/// heading of its chart, the name of its axis, and the gains.
 fn gain_pairs(analysis: &Analysis) -> Vec<(&'static str, String, Vec<&Gain>)> {
     const PAIRS: [(&str, &str, &str); 3] = [
         ("hrd", "d", "Safety levels over distance alone"),
@@ -262,7 +262,8 @@ fn people_charts(file: &'static str, all: &[PeopleChart<'_>], [name, unit]: [&st
     let numbers = groups.flat_map(|group| &group.values);
     let numbers = numbers.copied().chain(all.iter().filter_map(|of| of.baseline));
     let [_, high] = range(numbers.clone());
-    // Accuracies are read by position, so their axis need not begin at zero. Distances are read from zero.
+    // Readers compare accuracies by position, so their axis need not begin at zero. Distances are
+    // measured from zero.
     let low = if unit == "%" { numbers.fold(high, f64::min) } else { 0.0 };
     let y = Axis::round(name, unit, [low, high], 5);
     let charts = all.iter().map(|of| people_chart(of, y.clone()));
@@ -296,7 +297,7 @@ fn people_chart(of: &PeopleChart<'_>, y: Axis) -> Chart {
     chart
 }
 
-/// The accuracy of the models on B_hrd against the probability that they state.
+/// The accuracy of the models on B_hrd against their predicted probability.
 fn calibration(analysis: &Analysis) -> Figure {
     figure(
         "calibration",
@@ -306,7 +307,7 @@ fn calibration(analysis: &Analysis) -> Figure {
 }
 
 fn calibration_chart(analysis: &Analysis, experiment: Experiment) -> Chart {
-    /// Minimum number of rows of a bin that is drawn.
+    /// Bins with fewer rows are not drawn.
     const LEAST_ROWS: usize = 20;
     let least = 1.0 / experiment.classes().len() as f64;
     let from = (10.0 * least).floor() / 10.0;

@@ -1,5 +1,5 @@
-//! The report, which is one self-contained HTML file, and the LaTeX tables. Their words and layout
-//! are in `templates/`. The numbers that the templates print are computed here.
+//! The report, which is one self-contained HTML file, and the LaTeX tables. Their text and layout are
+//! in `templates/`. This module computes the numbers that the templates print.
 
 #[cfg(test)]
 mod sentences;
@@ -35,7 +35,8 @@ const TEMPLATES: [(&str, &str); 7] = [
     ("tables.tex", include_str!("templates/tables.tex")),
 ];
 
-/// The program's style sheets. Each begins with the design tokens, which end before these words.
+/// The program's style sheets. Each begins with the design tokens. The second text marks the end of the
+/// tokens.
 const SHEETS: [(&str, &str); 2] = [
     (include_str!("../../../static/style.css"), "*, *::before"),
     (include_str!("../../../static/lab.css"), "/* The first page"),
@@ -50,7 +51,7 @@ pub(super) fn html(analysis: &Analysis, figures: &[Figure]) -> Result<String, Er
     numbers["tokens"] =
         SHEETS.map(|(sheet, after)| sheet.split(after).next().unwrap_or_default()).concat().into();
     numbers["style"] = include_str!("templates/style.css").into();
-    // Templates refer to each of these figures, even if it is null.
+    // Templates refer to all optional figures, so a missing figure must be null.
     numbers["figures"] = OPTIONAL_FIGURES.into_iter().map(|name| (name, json!(null))).collect();
     for figure in figures {
         numbers["figures"][figure.name] = figure.on_page();
@@ -106,8 +107,8 @@ fn without_tags(of: &Value) -> Value {
     if of.is_safe() { safe(text::without_tags(&of.to_string())) } else { of.clone() }
 }
 
-/// Prints a value in the format of the rest of the program: 3 m, not 3.0 m. Escapes HTML so that it
-/// is also valid XML.
+/// Prints a value as in the rest of the program, for example 3 m instead of 3.0 m. Escapes HTML so that
+/// it is also valid XML.
 fn write(out: &mut Output<'_>, state: &mut State<'_, '_>, value: &Value) -> Result<(), Error> {
     let text = match f64::try_from(value.clone()) {
         Ok(number) if value.is_number() => number.to_string(),
@@ -117,8 +118,8 @@ fn write(out: &mut Output<'_>, state: &mut State<'_, '_>, value: &Value) -> Resu
     Ok(out.write_str(&if is_plain { text } else { text::html(&text) })?)
 }
 
-/// The hyper-parameters of the models in words. For each model there are pieces of text. All pieces
-/// but the last are followed by the name of a hyper-parameter.
+/// Descriptions of the models' hyper-parameters. Each description is a list of texts. The name of a
+/// hyper-parameter follows each text except the last.
 fn hyperparameters() -> Vec<Vec<(&'static str, Option<&'static str>)>> {
     let trained =
         ModelName::EVERY.map(|model| model.row().grid).into_iter().filter(|of| !of.is_empty());
@@ -210,8 +211,8 @@ fn numbers(analysis: &Analysis) -> serde_json::Value {
     })
 }
 
-/// The numbers of an analysis, with all digits, as JSON. These are the numbers that the templates
-/// print, and the numbers of the tables.
+/// The numbers of an analysis, with all digits, as JSON: those that the templates print, and those in
+/// the tables.
 ///
 /// # Errors
 /// No error occurs in practice, because every part can be written as JSON.

@@ -34,7 +34,7 @@ const TABLES: [(&str, Table); 14] = [
     ("importance.csv", further::importance),
 ];
 
-/// The table that only analyses with this option have.
+/// The table that exists only if the analysis has results about leakage.
 const LEAKAGE: (&str, Table) = ("leakage.csv", leakage);
 
 /// The tables of this analysis, each with the name of its file and its writer.
@@ -120,8 +120,8 @@ fn ends(paired: &Paired) -> [String; 2] {
     paired.interval.map_or_else(Default::default, |ends| ends.map(signed_places))
 }
 
-/// Prints four places, but a nonzero number never as zero, so that the printed interval contains 0
-/// only if the test agrees.
+/// Prints four decimal places, but never prints a nonzero number as zero. So the printed interval
+/// contains 0 only if the test agrees.
 fn signed_places(number: f64) -> String {
     /// The smallest positive number with four places.
     const LEAST: f64 = 1e-4;
@@ -153,7 +153,7 @@ fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     write(out, header, rows)
 }
 
-/// The families of tests that the paper does not have.
+/// The families of tests that are not in the paper.
 fn beside(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     let header = "model,experiment,first,second,gain,typical_gain,gain_low,gain_high,\
                   wilcoxon_persons,wilcoxon_persons_holm,rank_biserial,differing";

@@ -74,7 +74,7 @@ pub(super) fn fixed(number: f64, places: usize) -> String {
     chart::fixed(number, places)
 }
 
-/// Like [`fixed`], with a sign unless the number is printed as zero.
+/// Like [`fixed`], but with a sign, unless the number is printed as zero.
 pub(super) fn signed(number: f64, places: usize) -> String {
     let text = fixed(number, places);
     let is_zero = text.chars().all(|c| "0.".contains(c));

@@ -11,7 +11,7 @@ pub(super) struct Role {
     pub(super) ending: Ending,
     /// Attempts at the comprehension check.
     pub(super) attempts: usize,
-    /// Changes that a mishap makes to their trials.
+    /// A mishap that changes their trials.
     pub(super) mishap: Mishap,
     /// An experimenter's note about them.
     pub(super) note: Option<&'static str>,

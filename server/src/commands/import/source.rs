@@ -1,4 +1,5 @@
-//! The file of an import. It is read twice, first to check all of it and then to import it.
+//! The file of an import. It is read twice: the first pass checks the whole file, and the second pass
+//! imports it.
 
 use crate::commands::table_file;
 use crate::formats::csv_lines::Dialect;
@@ -23,7 +24,8 @@ pub(super) struct Source {
 }
 
 impl Source {
-    /// Opens the file; - is stdin. Input that can be read only once, such as a pipe, is copied.
+    /// Opens the file; - is stdin. Input that can be read only once, such as a pipe, is first copied to
+    /// a temporary file.
     pub(super) fn open(path: &Path) -> io::Result<Self> {
         let copied = |mut from: &mut dyn Read| {
             let mut copy = tempfile::tempfile()?;
@@ -84,7 +86,7 @@ fn said(error: impl Display) -> String {
 
 /// A file without faults.
 pub(super) enum Checked {
-    /// The rows of each participant are together, so the file is read again.
+    /// The rows of each participant are adjacent, so the file is read again.
     Together(Source),
     /// The rows of a participant are scattered, so the whole file is in memory.
     Scattered(Vec<RecordedParticipant>),

@@ -68,8 +68,9 @@ struct Found {
     models: Vec<(Source, Predictor)>,
 }
 
-/// Draws the moment. The predictor is the one that the view names, otherwise `predictor`, otherwise
-/// a model trained on the participant's earlier trials, as in the laboratory.
+/// Draws the moment. The predictor is `predictor` or the predictor that the view names; it is an error
+/// to give both. By default, it is a model trained on the participant's earlier trials, as in the
+/// laboratory.
 pub(super) async fn replay(
     args: &ReplayArgs,
     game: GameArgs,

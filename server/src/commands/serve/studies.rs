@@ -10,7 +10,7 @@ use serde_json::{Map, Value};
 use sidestep::invalid::Invalid;
 use sidestep::study::StudyConfig;
 
-/// Returns the names of those studies in which people take part, in the same order.
+/// Selects the studies in which people take part. Returns their names in the same order.
 pub(super) async fn of_people(
     store: &Store,
     names: &[String],
@@ -21,9 +21,9 @@ pub(super) async fn of_people(
     Ok(names.iter().filter(|name| !is_synthetic(name)).cloned().collect())
 }
 
-/// Stores the study of the file, or creates the paper's study in an empty database. Stores the
-/// study's value functions if they need no solve. Returns the names of all studies. The first one
-/// is the study of the file, or the newest study if there is no file.
+/// Stores the study of the file, or creates the paper's study in an empty database. Stores the study's
+/// value functions if they have a closed form. Returns the names of all studies. The first one is the
+/// study of the file, or the newest study if there is no file.
 pub(super) async fn prepare(
     store: &Store,
     file: Option<&StudyFile>,
@@ -34,7 +34,7 @@ pub(super) async fn prepare(
     let config = match file {
         Some(file) => {
             let mut config = file.config().clone();
-            // A study closed in the laboratory stays closed, unless the file gives a status.
+            // A study that was closed in the laboratory stays closed, unless the file gives a status.
             if !file.gives("status")
                 && let Some(known) = store.study(&config.slug).await?
             {
@@ -47,7 +47,8 @@ pub(super) async fn prepare(
     };
     let slug = config.slug.clone();
     let known = store.study(&slug).await?.filter(|known| *known.config != config);
-    // The study followed this file before and was changed later. Keep these changes.
+    // An earlier version of the study came from this file, and the study was changed later. Keep these
+    // changes.
     if let Some(known) = known.as_ref().filter(|_| !replace)
         && let Some(number) = followed(store, known, &config).await?
     {
@@ -93,8 +94,8 @@ pub(super) async fn prepare(
     Ok(names)
 }
 
-/// The number of the version that a study last got from a file, if that version equals `config` and
-/// a later version exists.
+/// The number of the last version that came from a file, if that version equals `config` and a later
+/// version exists.
 async fn followed(
     store: &Store,
     study: &StoredStudy,
@@ -102,7 +103,8 @@ async fn followed(
 ) -> Result<Option<u32>, CommandError> {
     let versions = store.study_versions(study.id).await?;
     let last = versions.iter().rfind(|version| version.by_file);
-    // If this is the present version, only the status can differ, and the file gives the status.
+    // If that version is the present version, only the status can differ, and the file gives the
+    // status.
     let present = versions.last().map(|version| version.number);
     let changed = last.filter(|version| Some(version.number) != present && version.says(config));
     Ok(changed.map(|version| version.number))

@@ -57,7 +57,7 @@ impl fmt::Display for LeftOut {
 }
 
 impl Questions {
-    /// The guarantees for which `calibration` trajectories or people are too few.
+    /// The guarantees that need more than `calibration` trajectories or people.
     pub(super) fn left_out(&self, calibration: usize) -> Result<Vec<LeftOut>, Invalid> {
         let mut left_out = Vec::new();
         for guarantee in &self.guarantees {
@@ -78,7 +78,7 @@ impl Questions {
         Ok(left_out)
     }
 
-    /// Whether the calibration set is large enough for a guarantee.
+    /// Whether a calibration set of this size is large enough for a guarantee.
     fn can(&self, guarantee: Guarantee, p: f64, calibration: usize) -> Result<bool, Invalid> {
         Ok(calibration >= guarantee.needed(p)?)
     }
@@ -104,11 +104,11 @@ pub(super) struct Evaluation {
     pub(super) trajectories: Parted,
     /// The unit of the split. Guarantees and intervals count these units.
     pub(super) split: Unit,
-    /// The regions for each choice of windows that gives any windows.
+    /// The regions for each choice of windows, if the choice gives at least one window.
     pub(super) regions: Vec<Regions>,
     /// The parts of the split from which the regions' probabilities are computed.
     pub(super) regions_from: String,
-    /// Why the trials are known to be synthetic, if they are synthetic.
+    /// If the trials are synthetic, the reason why this is known.
     pub(super) synthetic: Option<String>,
     pub(super) tuning: Vec<Tuned>,
     /// Guarantees that are left out because the calibration set is too small.
@@ -164,7 +164,7 @@ impl Evaluation {
     /// Number of progress-bar steps in [`Self::of`].
     pub(super) fn stages(questions: &Questions) -> u64 {
         let tuned = questions.guarantees.len() * questions.probabilities.len();
-        // Add three: the comparison, the danger zone and the panels.
+        // Add three stages: the comparison, the danger zone and the panels.
         (region_windows(0).len() + tuned + 3) as u64
     }
 
@@ -189,7 +189,7 @@ impl Evaluation {
         let mut found = Vec::new();
         for choice in region_windows(questions.split.seed) {
             bar.set_message(format!("regions, {}", choice.word().replace('_', " ")));
-            // There may be no window, for example because nobody turned in time.
+            // A choice may give no window, for example because no one turned in time.
             if choice.windows(&unseen, settings.steps()).iter().any(|windows| !windows.is_empty()) {
                 let confidence = questions.confidence;
                 let regions =
@@ -255,8 +255,8 @@ impl Evaluation {
     }
 }
 
-/// Compares SHFRS with simpler predictions. The SHFRS use the choices of actions that were tuned
-/// for the first guarantee, and the paper's choice.
+/// Compares SHFRS with simpler predictions. The SHFRS use two kinds of action choices: those tuned for
+/// the first guarantee, and the paper's choice.
 fn compare<M: ActionModel + Sync>(
     sample: &Sample,
     prediction: Prediction<'_, M>,

@@ -21,7 +21,7 @@ pub(super) const FILES: [&str; 8] = [
     "shfrs.json",
 ];
 
-/// Writes the files into a draft, because a folder must not mix the files of two runs.
+/// Writes the files into a draft, so that a folder never mixes the files of two runs.
 pub(super) fn write(
     draft: &Draft,
     analysis: &Evaluation,
@@ -197,7 +197,7 @@ fn danger_csv(analysis: &Evaluation) -> Result<String, CommandError> {
 }
 
 fn regions_svg(analysis: &Evaluation) -> Result<String, CommandError> {
-    // Use the probabilities over windows from every step, as in a live display.
+    // Use the probabilities over windows that begin at every step, as in a live display.
     let Some(found) = analysis.regions.first() else {
         return Err(CommandError::Failure("no trajectory is long enough".to_owned()));
     };

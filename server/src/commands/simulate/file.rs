@@ -43,12 +43,13 @@ fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
     let parameters = SceneParameters::default();
     let mut flags = FlagCounts::default();
     let bar = bar(args.participants * args.trials());
-    // Numbers and line ends are as in exports of a study, or as in the reference data.
+    // Use the number format and line endings of a study's exports, or those of the reference data.
     let (print, end): (fn(f64) -> String, _) = match args.keys() {
         Keys::Clock => (exact, "\n"),
         Keys::Free => (nine_digits, "\r\n"),
     };
-    // The reference file must match byte for byte and has no column `synthetic`. All other files have it.
+    // The reference file must be reproduced byte for byte, and has no column `synthetic`. All other
+    // files have this column.
     let says = args.keys() == Keys::Clock || args.seed != REFERENCE_SEED;
     let columns = REQUIRED.join(",");
     write!(out, "{columns}{}{end}", if says { ",synthetic" } else { "" })?;

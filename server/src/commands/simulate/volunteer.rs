@@ -25,8 +25,8 @@ pub(in crate::commands) struct Volunteer<'a> {
     pub(in crate::commands) tasks: u64,
     /// Number of attempts at the comprehension check. The last attempt is correct.
     pub(in crate::commands) attempts: usize,
-    /// Selects their answers. 0 selects the first option of a choice and the middle of a scale;
-    /// other numbers are offsets from there.
+    /// Selects their answers. 0 selects the first option of a choice and the middle of a scale. Any
+    /// other number is an offset from these answers.
     pub(in crate::commands) opinion: usize,
     /// Changes a trial before it is sent.
     pub(in crate::commands) mishap: Mishap,
@@ -79,8 +79,8 @@ impl<'a> Volunteer<'a> {
         self.server.enrol(&self.study.slug, &body).await
     }
 
-    /// Takes part from enrolment to completion, or to the last wanted task. Skips trials that are
-    /// already on the server.
+    /// Takes part from enrolment to completion, or until the limit on tasks is reached. Skips trials
+    /// that are already on the server.
     ///
     /// # Errors
     /// The errors of [`Self::enrol`].
@@ -117,7 +117,7 @@ impl<'a> Volunteer<'a> {
             if seen.len() == before {
                 break wanted.len() == known.plan.scenes().count();
             }
-            // The server may have planned an interrupted task once more.
+            // The server may have planned a second attempt at an interrupted task.
             known = me.progress().await?;
         };
         if all && !known.answered {
@@ -161,7 +161,7 @@ impl<'a> Volunteer<'a> {
     }
 }
 
-/// The record of screen and display. It only marks the participant as synthetic.
+/// The record of screen and display. It contains only the mark of a synthetic participant.
 fn synthetic() -> Object<Value> {
     Object::from_iter([("synthetic".to_owned(), json!(true))])
 }
@@ -181,7 +181,8 @@ fn upload(parameters: &SceneParameters, drive: SyntheticDrive) -> TrialUpload {
     }
 }
 
-/// The key events of someone who steers with one finger, so a key goes up before another key goes down.
+/// The key events of a person who steers with one finger, so each key is released before the next key
+/// is pressed.
 fn key_events(changes: &[KeyChange]) -> Vec<KeyEvent> {
     let name = |input| match input {
         TurnInput::Left => Some("ArrowLeft"),

@@ -1,4 +1,4 @@
-//! A table with quotation marks, with the line number at which each record begins.
+//! Reads a table with quotation marks. Each record has the line number at which it begins.
 
 use super::{Decoder, LineError, Record, not_text};
 use std::collections::VecDeque;
@@ -54,14 +54,15 @@ impl<R: Read> Quoted<R> {
 /// A reader that records where non-empty lines begin.
 struct Watched<R> {
     file: R,
-    /// Number of bytes read, and the number of the current line.
+    /// Number of bytes read, and the current line number.
     read: u64,
     line: u64,
     /// Whether the current line is empty so far.
     empty: bool,
-    /// Whether the last byte was a carriage return, which ends a line either alone or with a line feed.
+    /// Whether the last byte was a carriage return. It ends a line alone or together with a line feed.
     after_return: bool,
-    /// The offset of the first byte and the number of each non-empty line, from the last requested line on.
+    /// For each non-empty line from the last requested line on: the offset of its first byte, and its
+    /// line number.
     begins: VecDeque<(u64, u64)>,
 }
 

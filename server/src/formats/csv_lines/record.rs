@@ -17,7 +17,7 @@ pub struct Record {
     text: String,
     /// The end of each field in the text, and the start of the next field.
     fields: Vec<(usize, usize)>,
-    /// Whether the delimiter is a comma. Then only quoted fields contain commas, and they may
+    /// Whether the delimiter is a comma. In this case only quoted fields contain commas, which may
     /// separate thousands.
     by_commas: bool,
     /// The decimal mark of the file's numbers so far.

@@ -30,7 +30,7 @@ const PIECE: usize = 1 << 16;
 
 type Archive<W> = ZipWriter<StreamWriter<BufWriter<Gate<W>>>>;
 
-/// An archive, the entries of its files, and the damage.
+/// An archive, the manifest entries of its files, and the damage.
 type Filled<W> = (Archive<W>, Vec<FileEntry>, Damage);
 
 /// Writes an export as an archive, with the manifest last. After an error the output is not a valid
@@ -93,7 +93,8 @@ fn table_by_table<W: Write + Send + 'static>(
             let people = dataset.driven(store, Arc::clone(failed));
             let mut printing = Printing::of(format, &dataset.filter, vec![file]);
             let added = printing.add_all(people, &CancellationToken::new());
-            // Set this before the archive is dropped, because dropping would end it as if it were complete.
+            // Set this before the archive is dropped, because the drop would otherwise complete the
+            // archive.
             failed.fetch_or(added.is_err(), Ordering::SeqCst);
             added?;
             // Every pass finds the same damage.
@@ -158,7 +159,7 @@ fn begin<W: Write>(zip: &mut Archive<W>, name: &str) -> io::Result<()> {
     Ok(zip.start_file(name, options)?)
 }
 
-/// Blocks output after a failure, because dropping an archive writes its central directory.
+/// Refuses output after a failure, because dropping an archive writes its central directory.
 struct Gate<W> {
     out: W,
     failed: Arc<AtomicBool>,
@@ -240,7 +241,7 @@ mod tests {
         let dataset = read().await.unwrap();
         assert_ne!(dataset.fingerprint(Format::Csv), mark);
         assert_ne!(dataset.fingerprint(Format::Csv), dataset.fingerprint(Format::Jsonl));
-        // Data deleted meanwhile cannot be in the archive.
+        // Data that were deleted in the meantime cannot be in the archive.
         store.withdraw("bob", true, 10, None).await.unwrap();
         for format in [Format::Csv, Format::Parquet, Format::PsychDs, Format::Sqlite] {
             let (result, bytes) = written(&store, &dataset, format).await;

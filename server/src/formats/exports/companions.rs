@@ -21,8 +21,8 @@ pub struct Manifest {
     /// Whether the study takes only synthetic participants. In every study, the column `synthetic`
     /// marks each trial.
     pub synthetic: bool,
-    /// When the export began (UTC). For an archive, when its data last changed, so that the same
-    /// data give the same bytes.
+    /// The time at which the export began (UTC). For an archive, the time of the last change of its
+    /// data, so that the same data give the same bytes.
     pub created_at: String,
     /// Version of the program that wrote the export.
     pub version: &'static str,
@@ -68,7 +68,7 @@ impl Manifest {
 pub struct FileEntry {
     /// The path, with slashes.
     pub name: String,
-    /// Number of rows of a table or of all tables of a database, or number of entries of a list; 0
+    /// Number of rows of a table, total number of rows of a database, or number of entries of a list. 0
     /// for other files.
     pub rows: u64,
     /// Length (bytes).
@@ -131,8 +131,8 @@ pub(super) fn plain(
     Ok(files)
 }
 
-/// An entry of configurations.json. It has the configuration byte for byte, so that its hash can be
-/// recomputed.
+/// An entry of configurations.json. It contains the configuration byte for byte, so that readers can
+/// recompute its hash.
 fn configuration((hash, json): &(String, String)) -> String {
     format!("{{\"configuration\": \"{hash}\", \"study\": {json}}}")
 }

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use std::fmt;
 
-/// A trial that differs from the stored results.
+/// A damaged trial, whose data do not reproduce the stored results.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Damaged {
     /// The participant's number.
@@ -40,15 +40,15 @@ pub struct Damage {
     /// The first damaged trials.
     #[serde(rename = "damage", skip_serializing_if = "Vec::is_empty")]
     pub first: Vec<Damaged>,
-    /// Faults that the database finds in its file, and tallies that do not match the trials. Such
-    /// faults can mean that rows are missing or belong to another participant.
+    /// Faults that the database finds in its file, and stored counts that do not match the trials.
+    /// Because of such a fault, rows may be missing or belong to another participant.
     #[serde(rename = "database_damage", skip_serializing_if = "Vec::is_empty")]
     pub database: Vec<String>,
 }
 
 impl Damage {
-    /// Upper bound on the number of trials named, so that memory does not grow with the study. The
-    /// tables mark all of their damaged trials.
+    /// Upper bound on the number of trials listed in `first`, so that memory does not grow with the
+    /// study. The tables mark all damaged trials.
     const MOST: usize = 10_000;
 
     pub(super) fn add(&mut self, damaged: Damaged) {

@@ -13,8 +13,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use tokio::sync::mpsc;
 
-/// The participants and configurations that a filter selects. Trials are read from the store when needed.
-/// Stored trials never change, so the trials of this instant are the first trials of each plan.
+/// The participants and configurations that a filter selects. Trials are read from the store when
+/// needed. Stored trials never change, so the trials that existed at this instant are the first trials
+/// of each plan.
 #[derive(Clone, Debug)]
 pub struct Dataset {
     /// The study.
@@ -47,9 +48,9 @@ impl Dataset {
         })
     }
 
-    /// A hash that changes whenever a file of the export changes. It covers the program's version,
-    /// the format, the filter, the configurations and the table of participants, which has the
-    /// number of their trials.
+    /// A hash that changes whenever a file of the export changes. It covers the program's version, the
+    /// format, the filter, the configurations and the table of participants, which includes the number
+    /// of trials.
     #[must_use]
     pub fn fingerprint(&self, format: Format) -> String {
         let mut hash = Sha256::new();
@@ -86,7 +87,8 @@ impl Dataset {
         u64::try_from(counts.sum::<i64>()).unwrap_or(0)
     }
 
-    /// When any of the data were last stored (ms since 1970). Returns `None` if nobody took part.
+    /// The time at which data were last stored (ms since 1970). Returns `None` if there are no
+    /// participants.
     #[must_use]
     pub fn changed_at_ms(&self) -> Option<i64> {
         let excluded = |person: &RosterEntry| person.exclusion.as_ref().map(|(at_ms, _)| *at_ms);

@@ -5,8 +5,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sidestep::trial::{Flag, Phase};
 
-/// Selects the participants of an export, and which of their trials (with steps and key events) it
-/// includes. The default selects all participants and no pilots.
+/// Selects the participants of an export, and their trials with steps and key events. The default
+/// selects all participants and no pilots.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Filter {

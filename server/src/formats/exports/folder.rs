@@ -40,8 +40,8 @@ struct FormerFile {
 /// format, once all new files are on disk. During the replacement there is no manifest.
 ///
 /// # Errors
-/// [`ExportError`], also if the folder contains the export of another study, or `cancel` was
-/// cancelled. In these cases the folder has no new file, or no manifest.
+/// [`ExportError`], also if the folder contains the export of another study, or `cancel` was cancelled.
+/// After an error, the folder has no new file or no manifest.
 pub async fn write(
     store: &Store,
     dataset: Dataset,
@@ -60,7 +60,7 @@ pub async fn write(
         obsolete.extend(files.into_iter().map(|file| file.name).filter(|name| !name.contains('/')));
     }
     let draft = Draft::begin_private(folder)?;
-    // Replaying a trial does not show whether it belongs to its participant.
+    // The replay of a trial cannot show that the trial belongs to another participant.
     let database = database_check::damage_of_database(store).await?;
     let people = dataset.driven(store, Arc::default());
     let (path, asked) = (draft.path().to_owned(), cancel.clone());
@@ -80,7 +80,7 @@ pub async fn write(
     draft.keep(&obsolete, cancel)?;
     let manifest = Manifest::new(&dataset, format, created_at, files, damage);
     let text = manifest.text()?;
-    // Do not cancel from here on, because only the manifest is missing.
+    // Ignore a cancellation from here on, because only the manifest is missing.
     let cancel = CancellationToken::new();
     atomic_file::write_private(&folder.join(MANIFEST), &cancel, |out| out.write_all(&text))?;
     Ok(manifest)

@@ -43,8 +43,8 @@ impl Format {
         }
     }
 
-    /// Number of rows per batch. A row group of a Parquet file should be long. Text should be
-    /// written while it is still in the processor's cache.
+    /// Number of rows per batch. Row groups of a Parquet file should be long. Text batches are short,
+    /// so that the text is written while it is still in the processor's cache.
     pub(super) fn batch_rows(self) -> usize {
         match self {
             Self::Csv | Self::Jsonl | Self::PsychDs => 1,
@@ -61,7 +61,8 @@ impl Format {
             Self::Jsonl => format!("{name}.jsonl"),
             Self::Parquet => format!("{name}.parquet"),
             Self::PsychDs => {
-                // Keywords contain only letters. Values contain only letters and digits.
+                // In Psych-DS file names, keywords contain only letters, and values contain only
+                // letters and digits.
                 let value = |text: &str| -> String {
                     text.chars().filter(char::is_ascii_alphanumeric).collect()
                 };
@@ -72,7 +73,7 @@ impl Format {
         }
     }
 
-    /// The folder of files that are not tables, with a slash at the end.
+    /// The folder for files that are not tables, with a trailing slash.
     pub(super) fn beside(self) -> &'static str {
         match self {
             Self::PsychDs => "documentation/",

@@ -33,7 +33,7 @@ impl Person {
         let (mut hidden, mut uncounted) = (0, 0);
         if unreadable.is_none()
             && trials.len() != stored
-            // If this is `None`, the trials were deleted meanwhile.
+            // `None` means that the trials were deleted in the meantime.
             && let Some(now) = store.stored_trials(&entry.id).await?
         {
             let now = usize::try_from(now).unwrap_or(0);
@@ -49,7 +49,7 @@ impl Person {
         self.unreadable.is_none().then_some(self.trials.len() + self.hidden)
     }
 
-    /// Drops the trials that arrived after the trials were counted.
+    /// Drops the trials that arrived after the count in the roster.
     pub(super) fn keep_counted(&mut self) {
         self.trials.truncate(self.stored + self.uncounted);
     }

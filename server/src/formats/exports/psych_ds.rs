@@ -1,5 +1,5 @@
-//! The files beside the tables in a Psych-DS folder (psych-ds.github.io): metadata of every column in
-//! schema.org terms, and the recommended folders with their texts.
+//! The files beside the tables in a Psych-DS folder (psych-ds.github.io): the metadata of every column
+//! in schema.org terms, and the recommended folders with their texts.
 
 use super::dataset::Dataset;
 use super::table::Table;

@@ -1,4 +1,4 @@
-//! The content of an export, for its descriptions.
+//! The content of an export, from which its descriptions are made.
 
 use super::table::Table;
 use crate::formats::table::Column;

@@ -4,7 +4,7 @@ use sidestep::invalid::Invalid;
 use std::io::{self, Read, Seek};
 use zip::ZipArchive;
 
-/// Maximum number of entries of an array of unknown length.
+/// Maximum number of entries of an array whose length is not given.
 const SHORT: usize = 1 << 16;
 
 /// Maximum number of bytes before an array's values.

@@ -30,7 +30,7 @@ fn bytes(samples: &SampledValue, method: Method) -> Vec<u8> {
     npz(samples, method)
 }
 
-/// Adds a compressed array, as another program would write it.
+/// Adds a compressed array, like an array that another program wrote.
 fn array<T: npyz::AutoSerialize>(
     archive: &mut ZipWriter<impl Write + Seek>,
     name: &str,

@@ -17,7 +17,7 @@ pub enum Cells {
 /// only once.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Texts {
-    /// The texts without repetitions: adjacent texts differ.
+    /// The texts without adjacent repetitions.
     pub distinct: Vec<String>,
     /// The index of each row's text.
     pub rows: Vec<Option<u32>>,

@@ -45,7 +45,8 @@ enum Printer<'a> {
     Number {
         cells: &'a [Option<f64>],
         print: fn(&mut Vec<u8>, f64),
-        /// The bits of the last number and the range where it was printed, because numbers often repeat.
+        /// The bits of the last number, and the range of its text in the output. Numbers often repeat,
+        /// so the text can be reused.
         last: Option<(u64, std::ops::Range<usize>)>,
     },
     Text {

@@ -2,11 +2,10 @@
 
 use std::io::Write;
 
-/// Appends the shortest decimal that parses to the same bits, in the form of `{:?}`: `4.0`, `1e16`.
-/// If two such decimals are equally near, it is the even one.
+/// Appends the shortest decimal that parses to the same bits, in the form of `{:?}`, such as `4.0` or
+/// `1e16`. If two such decimals are equally near, the one with the even last digit is chosen.
 pub(super) fn number(out: &mut Vec<u8>, number: f64) {
-    // Outside this range `{:?}` switches between decimals and exponents, and no faster library does
-    // the same.
+    // Outside this range, `{:?}` writes exponents, and no faster library writes the same text.
     if (1e-4..1e16).contains(&number.abs()) || number == 0.0 {
         out.extend_from_slice(zmij::Buffer::new().format_finite(number).as_bytes());
     } else {
@@ -46,7 +45,7 @@ mod tests {
             [(text(number), format!("{value:?}")), (text(time), format!("{value}"))]
         {
             if text != standard {
-                // The standard library does not choose the even one of two equally near decimals.
+                // If two decimals are equally near, the standard library does not choose the even one.
                 let is_tie = (value.abs().fract() * 20.0) % 2.0 == 1.0;
                 assert!(is_tie && text.len() == standard.len(), "{text}, {standard}");
                 let read: f64 = text.parse().unwrap();

@@ -1,4 +1,4 @@
-//! The table with a row for each key that went down or up while a scene was driven.
+//! The table with a row for each key press and key release while a scene was driven.
 
 use super::{Driven, participant_column, trial_column};
 use crate::formats::table::Kind::{Text, Time, Whole, Word};

@@ -8,7 +8,7 @@ use sidestep::study::{Question, QuestionKind, StudyConfig};
 use sidestep::trial::Flag;
 use std::collections::BTreeSet;
 
-/// Name, kind, unit and meaning of the columns that the table has in every study.
+/// Name, kind, unit and meaning of the columns that exist in every study.
 const FIXED: [(&str, Kind, &str, &str); 26] = [
     ("participant", Whole, "", "the participant's number in the study, from 1"),
     ("participant_id", Word, "", "the participant's id on the server"),
@@ -53,7 +53,7 @@ const FIXED: [(&str, Kind, &str, &str); 26] = [
     ),
 ];
 
-/// The names of the columns of link parameters and of answers, which depend on the study.
+/// The columns that depend on the study: names of link parameters, and names of answers.
 #[derive(Debug)]
 struct Extra {
     parameters: Vec<String>,
@@ -61,7 +61,8 @@ struct Extra {
 }
 
 impl Extra {
-    /// The names in the present configuration in its order, followed by other names that participants have.
+    /// The names in the present configuration, in its order, followed by further names that occur in
+    /// the data.
     fn of(study: &StudyConfig, people: &[RosterEntry]) -> Self {
         let joined = |known: Vec<String>, found: BTreeSet<&String>| {
             let more = found.into_iter().filter(|name| !known.contains(name)).cloned();
@@ -92,7 +93,7 @@ pub struct Participants<'a> {
 
 impl<'a> Participants<'a> {
     /// The table of these people. It has columns for the parameters and answers of the study's present
-    /// configuration, followed by columns for those that people have from earlier configurations.
+    /// configuration, followed by columns for parameters and answers of earlier configurations.
     #[must_use]
     pub fn new(study: &'a StudyConfig, people: &'a [RosterEntry]) -> Self {
         Self { study, people, extra: Extra::of(study, people) }
@@ -182,7 +183,7 @@ impl<'a> Participants<'a> {
     }
 }
 
-/// Whether a text of this person contains the replacement for a character that no file can contain.
+/// Whether a text of this person contains U+FFFD, which replaces characters that a file cannot contain.
 fn is_replaced(person: &RosterEntry) -> bool {
     let answers = person.answers.values().filter_map(Value::as_str);
     let mut texts = answers.chain(person.parameters.values().map(String::as_str));

@@ -1,4 +1,4 @@
-//! The table with a row for each step: the state before it and the input held in it.
+//! The table with a row for each step: the state at its start and the input held during it.
 
 use super::{Driven, damaged_column, flags_column, participant_column, trial_column};
 use crate::formats::table::Kind::{Number, Time, Whole, Word};

@@ -146,7 +146,7 @@ impl Parser {
     }
 }
 
-/// The value of a text, parsed only if it differs from the last text.
+/// Parses a text, unless it equals the last text, whose value is then returned.
 fn repeated<T: Clone + Default>(
     last: &mut (String, T),
     text: Option<&str>,

@@ -19,7 +19,7 @@ pub(super) enum Wanted {
 /// A byte range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Bytes {
-    /// From the first byte to the last byte, if given. Both are inclusive.
+    /// From the first byte to the last byte, both inclusive. `None` means the end of the archive.
     From(u64, Option<u64>),
     /// A number of bytes at the end.
     Last(u64),

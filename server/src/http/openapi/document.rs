@@ -22,7 +22,7 @@ pub struct Entry<'a> {
     pub detail: &'a str,
 }
 
-/// Descriptions of path parameters, by the path segment before the parameter.
+/// Path parameters: the path segment before the parameter, the description, and the type.
 const PARAMETERS: [(&str, &str, &str); 8] = [
     ("studies", "The study's name in URLs, such as `default`.", "string"),
     (

@@ -37,7 +37,7 @@ pub struct Operation {
     pub parameters: Vec<Value>,
     /// The schema of the request body.
     pub body: Option<Value>,
-    /// A description, and schemas by media type, for each status of a success.
+    /// Successful responses by HTTP status: a description, and the schemas by media type.
     pub answers: BTreeMap<u16, (String, Map<String, Value>)>,
     /// Codes of problems, by HTTP status.
     pub problems: BTreeMap<u16, BTreeSet<&'static str>>,
@@ -56,7 +56,7 @@ impl Operation {
         self.problems.entry(status).or_default().insert(code);
     }
 
-    /// Adds a response with one media type. Several responses of the same status are alternatives.
+    /// Adds a successful response. A status can have several media types, which are alternatives.
     pub fn answer(&mut self, status: u16, media_type: &str, schema: Value) {
         let (_, content) = self.answers.entry(status).or_default();
         content.insert(media_type.to_owned(), json!({ "schema": schema }));
@@ -83,7 +83,8 @@ impl Operation {
     }
 }
 
-/// The schema of a parameter without null. A nullable parameter is omitted instead of null.
+/// Removes null from the schema of a parameter, because clients omit a parameter instead of sending
+/// null.
 fn present(mut schema: Value) -> Value {
     if let Some(Value::Array(kinds)) = schema.get_mut("type") {
         kinds.retain(|kind| kind != "null");
@@ -120,11 +121,11 @@ impl<T> Input for Result<Path<T>, PathRejection> {
 
 /// A result of a handler.
 pub trait Output {
-    /// Adds the statuses and bodies of a success, and the problems.
+    /// Adds the successful responses with their bodies, and the problems.
     fn describe(operation: &mut Operation, schemas: &mut Schemas);
 }
 
-/// The type does not describe the body. The table of routes describes it.
+/// This type does not describe its body, so the table of routes describes it.
 impl Output for Response {
     fn describe(_: &mut Operation, _: &mut Schemas) {}
 }

@@ -8,8 +8,8 @@ use std::collections::BTreeSet;
 const OF_ANSWERS: &str = "#/components/schemas/";
 const OF_REQUESTS: &str = "#/components/requests/";
 
-/// The schemas so far. Optional fields differ between requests, which are deserialized, and
-/// responses, which are serialized. So a type that is used in both may have two schemas.
+/// The schemas collected so far. A field may be optional in requests, which are deserialized, but
+/// required in responses, which are serialized. So a type that is used in both may have two schemas.
 #[derive(Debug)]
 pub struct Schemas {
     requests: SchemaGenerator,
@@ -85,8 +85,8 @@ fn named(name: &str, twofold: &BTreeSet<String>) -> String {
     if twofold.contains(name) { format!("{name}Input") } else { name.to_owned() }
 }
 
-/// Replaces references of requests by the final names of their schemas, and links in descriptions
-/// by plain words.
+/// Replaces references to request schemas with the final names of these schemas, and links in
+/// descriptions with plain words.
 fn resolve(value: &mut Value, twofold: &BTreeSet<String>) {
     match value {
         Value::Object(members) => {

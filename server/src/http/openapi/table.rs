@@ -65,13 +65,13 @@ impl Endpoint {
         self.and(move |operation| operation.problems(&codes))
     }
 
-    /// Adds a problem whose code is also used with another status.
+    /// Adds a problem with this status. Its code is also used with another status.
     #[must_use]
     pub fn problem_with(self, status: u16, code: &'static str) -> Self {
         self.and(move |operation| operation.problem(meaning(code, Some(status))))
     }
 
-    /// Sets the description of a status of success.
+    /// Sets the description of a successful response.
     #[must_use]
     pub fn says(self, status: u16, text: &'static str) -> Self {
         self.and(move |operation| {
@@ -79,7 +79,7 @@ impl Endpoint {
         })
     }
 
-    /// Adds a 200 with the same body as the 201, for content that already exists.
+    /// Adds a 200 response for content that already exists, with the same body as the 201 response.
     #[must_use]
     pub fn or_200(self, text: &'static str) -> Self {
         self.and(move |operation| {
@@ -88,19 +88,19 @@ impl Endpoint {
         })
     }
 
-    /// Adds a 200 with a text body of this media type.
+    /// Adds a 200 response with text of this media type.
     #[must_use]
     pub fn sends(self, media_type: &'static str) -> Self {
         self.sends_as(media_type, json!({ "type": "string" }))
     }
 
-    /// Adds a 200 with bytes of this media type.
+    /// Adds a 200 response with bytes of this media type.
     #[must_use]
     pub fn sends_bytes(self, media_type: &'static str) -> Self {
         self.sends_as(media_type, json!({ "type": "string", "contentMediaType": media_type }))
     }
 
-    /// Adds a 200 with JSON of any shape.
+    /// Adds a 200 response with JSON of any shape.
     #[must_use]
     pub fn sends_any_json(self) -> Self {
         self.sends_as("application/json", json!({}))
@@ -110,7 +110,8 @@ impl Endpoint {
         self.and(move |operation| operation.answer(200, media_type, schema))
     }
 
-    /// Adds a 200 with JSON of this type, for a handler whose result type does not describe its body.
+    /// Adds a 200 response with JSON of this type, for a handler whose result type does not describe
+    /// its body.
     #[must_use]
     pub fn sends_json<T: schemars::JsonSchema>(mut self) -> Self {
         let describe = self.describe;

@@ -23,7 +23,7 @@ fn square(chart: &Chart) -> Drawing {
 
 fn decision_map(map: &DecisionMap, radius_m: f64) -> Chart {
     let side_m = DecisionMap::SIDE as f64 * DecisionMap::CELL_M;
-    // The map has distances to the left. The chart has distances to the right, which are the negatives.
+    // The map uses distances to the left. The chart uses distances to the right, so the sign changes.
     let right = -(DecisionMap::RIGHT_M + side_m);
     let x = Axis::linear("robot to the right", "m", [right, right + side_m], 6);
     let behind = DecisionMap::BEHIND_M;
@@ -45,7 +45,7 @@ fn decision_map(map: &DecisionMap, radius_m: f64) -> Chart {
     let dashed = Pen::new(colours::TEXT, 1.2).dashed(3.0, 2.5);
     outline("danger zone", disc([0.0, 0.0], radius_m), dashed);
     chart.add(Note::sign(Sign::Vehicle(0.5 * PI, 17.0), [0.0, 0.0], colours::HUMAN));
-    // The robot's heading in the human's frame, in which the human heads up.
+    // The robot's heading relative to the human, whose heading is up in the chart.
     let arrow = Sign::Arrow(map.heading + 0.5 * PI, 28.0);
     let corner = Note::sign(arrow, [right + side_m, behind + side_m], colours::ROBOT);
     chart.add(Note { offset: [-24.0, 24.0], ..corner });

@@ -1,4 +1,5 @@
-//! Learning curves, models trained on other people, and the losses of models without a feature.
+//! Charts of learning curves, of models trained on other people, and of the loss when a model lacks a
+//! feature.
 
 use super::{Figure, figure, look, question, range, reference};
 use sidestep::chart::{Axis, Chart, Group, Mark, Pen, Series, Swarm, colours};
@@ -83,7 +84,8 @@ pub(super) fn unseen(analysis: &Analysis) -> Option<Figure> {
     Some(figure("unseen", &Experiment::ALL.map(chart), 250.0))
 }
 
-/// The losses of the paper's models without each feature, for both sets in both experiments.
+/// The loss of each of the paper's models without each feature, for two feature sets in both
+/// experiments.
 pub(super) fn importance(analysis: &Analysis) -> Option<Figure> {
     let losses = || analysis.importance.iter().flat_map(|of| of.losses.iter().copied());
     losses().next()?;

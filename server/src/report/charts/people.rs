@@ -5,8 +5,7 @@ use sidestep::behaviour::{Behaviour, BehaviourSummary, PARTS};
 use sidestep::chart::{Axis, Chart, Group, Mark, Swarm, colours, fixed};
 use sidestep::comparison::Analysis;
 
-/// A measure of one part of a participant's tasks. `None` if the measure is missing in all tasks of
-/// the part.
+/// A measure of one part of a participant's tasks. `None` if no task of the part has this measure.
 type Of = fn(&BehaviourSummary) -> Option<f64>;
 
 /// A chart for each measure, with a dot for each person and a column for each part of their tasks.

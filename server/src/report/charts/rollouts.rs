@@ -1,4 +1,4 @@
-//! Charts of roll-outs: how well models predict when they drive on from some moment.
+//! Charts of roll-outs: how well models predict when they drive on from a given moment.
 
 use super::{Figure, figure, look, range};
 use sidestep::chart::{Axis, Chart, Mark, Pen, Series, colours};

@@ -17,7 +17,8 @@ use sidestep::comparison::models::ModelName;
 use sidestep::math::SeededRng;
 use std::collections::BTreeSet;
 
-/// The first paragraph of the first finding, for every possible rounding of the numbers in the files.
+/// All texts that the first paragraph of the first finding may have. The numbers in the files are
+/// rounded, so several printed values are possible.
 fn main_sentences(files: &Files, of: &Told) -> BTreeSet<String> {
     let mean = |set| {
         let all = files.accuracies(&of.model, "1", set);
@@ -193,8 +194,8 @@ fn check(analysis: &Analysis) {
     }
 }
 
-/// A study of random people. For some people, models do equally well on every set. For the others,
-/// models do better or worse by some steps.
+/// A study of random people. For some people, models do equally well on every feature set. For the
+/// others, the sets differ by some steps.
 fn random(people: usize, tied: f64, lean: usize, seed: u64) -> Analysis {
     made_up_but(people, None, |results| {
         let mut rng = SeededRng::new(seed);
@@ -205,7 +206,7 @@ fn random(people: usize, tied: f64, lean: usize, seed: u64) -> Analysis {
             let missed =
                 if ties[*participant] { 3 } else { 2 + rng.below(9) - (lean * known).min(2) };
             let rows = test.predicted.len();
-            // This leaves out the first step of avoidance, which is the third step.
+            // Do not miss step 3, the first step of avoidance.
             (0..missed).for_each(|i| test.predicted[(7 + i) % rows] = 9);
         }
     })
@@ -221,8 +222,8 @@ fn sentences_are_what_the_files_say() {
     }
 }
 
-/// 18 of 24 people do equally well with every set. For the others, every model is better with
-/// safety levels, or worse in the reverse case.
+/// For 18 of 24 people, models do equally well with every set. For the others, every model is better
+/// with safety levels in the first case, and worse in the second case.
 #[test]
 fn those_who_tie_turn_no_sentence_round() {
     for (worse, word) in [("d", "better"), ("hrd", "worse")] {

@@ -121,9 +121,9 @@ fn it_tells_the_numbers_of_the_tables() {
     assert_eq!(found[0], ("85.71".to_owned(), true));
     assert_eq!(found[6], ("75.71".to_owned(), false));
     assert_eq!(found[9], ("60.00".to_owned(), false));
-    // All tied sets are the best, except for sets that the paper did not compare.
+    // All tied sets count as the best, except for sets that the paper did not compare.
     assert!(found[..6].iter().all(|(_, bold)| *bold) && !found[7].1);
-    // The paper's row follows this row.
+    // The paper's accuracy follows.
     assert!(html.contains("<span class=\"paper\"><strong>78.67</strong></span>"));
     // Trials without any turn do not count. All 14 trials of the 7 people have a turn.
     assert!(words(&read(&html)).contains("mean over 14 test trials"));
@@ -254,7 +254,7 @@ fn what_safety_levels_add_to_the_body_frame_is_an_answer_of_its_own() {
     let told = "Once the body frame is known, predictions with the safety levels look better in 1 \
                 of 6 comparisons than without";
     assert!(text.contains(told), "{text}");
-    // This is p = 2/2⁷, which Holm multiplies by 6.
+    // The p-value is 2/2⁷, which Holm's correction multiplies by 6.
     assert!(text.contains("SVM I+14.3p = 0.016, r +1.00Holm 0.094"), "{text}");
 }
 
@@ -280,7 +280,7 @@ fn fewer_tasks_other_people_and_fewer_features_are_shown() {
     let page = html(&analysis);
     let document = read(&page);
     let text = words(&document);
-    // The models of others are as good as the person's own model, so no one gains.
+    // Models trained on others are as good as the person's own model, so there is no gain.
     let row = "DT IBhrd85.00 81.2585.000.00 1.0001.000 0.00";
     for told in [row, "What more tasks are worth.", "Mean loss in points. v_h: 3.5."] {
         assert!(text.contains(told), "{told}: {text}");
@@ -415,7 +415,8 @@ fn latex_has_the_best_in_bold_and_says_who() {
     assert_eq!(count("{"), count("}"));
 }
 
-/// 35 of 40 people gain ten points. For the others, the model loses everything that it had right.
+/// For 35 of 40 people, accuracy rises by ten points. For the others, every prediction of DT II on hrd
+/// is wrong.
 #[test]
 fn a_mean_that_points_the_other_way_is_told() {
     let analysis = made_up_but(40, None, |results| {

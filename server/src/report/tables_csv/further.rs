@@ -1,4 +1,4 @@
-//! Tables that the paper does not have: behaviour, learning curves, unseen people and importance.
+//! Tables that are not in the paper: behaviour, learning curves, unseen people and importance.
 
 use super::{p_value, places, write};
 use sidestep::behaviour::BehaviourSummary;

@@ -174,8 +174,8 @@ impl Told {
         format!("{} {mean} {p}, r {r} Holm {holm}{differ}", self.name())
     }
 
-    /// The entries for every possible rounding of the numbers with four places and of the p-values
-    /// with seven digits.
+    /// All possible entries. The files give numbers with four decimal places and p-values with seven
+    /// digits, so several rounded values are possible.
     pub(super) fn entries(&self) -> impl Iterator<Item = String> {
         let means = near(self.mean).into_iter();
         let alike = |p: f64| [p * (1.0 - 6e-7), p, p * (1.0 + 6e-7)].map(|p| p.min(1.0));
@@ -190,7 +190,7 @@ impl Told {
     }
 }
 
-/// Numbers near this one that files print equally with four places.
+/// Numbers near this one that are printed equally with four decimal places.
 pub(super) fn near(number: f64) -> [f64; 3] {
     let less = if number == 0.0 { 0.0 } else { 6e-5 };
     [number - less, number, number + less]
