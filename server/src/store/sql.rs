@@ -240,7 +240,7 @@ impl Connection {
 
     /// Executes [deferred](Self::execute_row_later) statements.
     pub(super) fn settle(&self) -> Result<()> {
-        let statements = self.waiting.borrow_mut().take();
+        let statements = self.waiting.borrow_mut().take(self.is_sqlite());
         statements.into_iter().try_for_each(|(sql, values)| {
             self.run(&sql.into(), &values)?;
             Ok(())
@@ -254,7 +254,7 @@ impl Connection {
         values: Vec<Vec<Value<'static>>>,
     ) -> Result<Vec<Row>> {
         let mut found = Vec::new();
-        for (sql, values) in query.executions(values) {
+        for (sql, values) in query.executions(values, self.is_sqlite()) {
             found.append(&mut self.rows(&sql.into(), &values)?);
         }
         Ok(found)
@@ -309,14 +309,17 @@ impl Connection {
         }
         let found = match known {
             Some((asked, found)) if asked == values => found,
-            _ => self.rows(&query.text(1, values.len()).into(), &values)?.into_iter().next(),
+            _ => self
+                .rows(&query.text(1, values.len(), self.is_sqlite()).into(), &values)?
+                .into_iter()
+                .next(),
         };
         found.as_ref().map(read).transpose()
     }
 
     /// Rolls back a transaction or a savepoint, and discards deferred statements.
     pub(super) fn roll_back(&self, undo: &str) -> Result<()> {
-        self.waiting.borrow_mut().take();
+        self.waiting.borrow_mut().clear();
         self.forget_asked();
         self.batch(undo)
     }

@@ -17,11 +17,16 @@ pub(in crate::store) struct Rows {
 }
 
 impl Rows {
-    /// The text for `count` rows of `width` parameters.
-    pub(super) fn text(&self, count: usize, width: usize) -> String {
+    /// The text for `count` rows of `width` parameters. PostgreSQL needs their numbers. In SQLite,
+    /// the time to bind numbered parameters grows with the square of their count.
+    pub(super) fn text(&self, count: usize, width: usize, is_sqlite: bool) -> String {
+        let parameter = |number: usize| match is_sqlite {
+            true => "?".to_owned(),
+            false => format!("${number}"),
+        };
         let row = |row: usize| {
-            let numbers = (1..=width).map(|i| format!("${}", row * width + i));
-            format!("({})", numbers.collect::<Vec<_>>().join(", "))
+            let parameters = (1..=width).map(|i| parameter(row * width + i));
+            format!("({})", parameters.collect::<Vec<_>>().join(", "))
         };
         let rows: Vec<String> = (0..count).map(row).collect();
         format!("{}{}{}", self.before, rows.join(", "), self.after)
@@ -33,13 +38,17 @@ type Execution = (String, Vec<Value<'static>>);
 
 impl Rows {
     /// Splits these rows of parameters into executions. The number of rows of each is a power of two.
-    pub(super) fn executions(&self, mut values: Vec<Vec<Value<'static>>>) -> Vec<Execution> {
+    pub(super) fn executions(
+        &self,
+        mut values: Vec<Vec<Value<'static>>>,
+        is_sqlite: bool,
+    ) -> Vec<Execution> {
         let mut executions = Vec::new();
         while !values.is_empty() {
             let count = (1 << values.len().ilog2()).min(MOST_ROWS);
             let rest = values.split_off(count);
             let width = values.first().map_or(0, Vec::len);
-            executions.push((self.text(count, width), values.concat()));
+            executions.push((self.text(count, width, is_sqlite), values.concat()));
             values = rest;
         }
         executions
@@ -66,9 +75,14 @@ pub(super) struct Waiting(Vec<Group>);
 
 impl Waiting {
     /// Takes the statements for all deferred rows, with their parameters.
-    pub(super) fn take(&mut self) -> Vec<Execution> {
+    pub(super) fn take(&mut self, is_sqlite: bool) -> Vec<Execution> {
         let groups = std::mem::take(&mut self.0).into_iter();
-        groups.flat_map(|group| group.rows.executions(group.values)).collect()
+        groups.flat_map(|group| group.rows.executions(group.values, is_sqlite)).collect()
+    }
+
+    /// Discards all deferred rows.
+    pub(super) fn clear(&mut self) {
+        self.0.clear();
     }
 
     /// Whether a deferred row has this target.
@@ -106,8 +120,10 @@ mod tests {
     #[test]
     fn parameters_are_numbered_from_row_to_row() {
         let rows = Rows { before: "INSERT INTO t VALUES ", after: " RETURNING a" };
-        assert_eq!(rows.text(1, 3), "INSERT INTO t VALUES ($1, $2, $3) RETURNING a");
-        assert_eq!(rows.text(2, 2), "INSERT INTO t VALUES ($1, $2), ($3, $4) RETURNING a");
+        let text = |count, width, is_sqlite| rows.text(count, width, is_sqlite);
+        assert_eq!(text(1, 3, false), "INSERT INTO t VALUES ($1, $2, $3) RETURNING a");
+        assert_eq!(text(2, 2, false), "INSERT INTO t VALUES ($1, $2), ($3, $4) RETURNING a");
+        assert_eq!(text(2, 2, true), "INSERT INTO t VALUES (?, ?), (?, ?) RETURNING a");
     }
 
     #[test]
@@ -119,12 +135,12 @@ mod tests {
         }
         assert!(!waiting.add(&ADD, &["other", "7"], &[Value::Integer(7)]));
         assert!(waiting.has("7") && !waiting.has("other"));
-        let executions = waiting.take();
+        let executions = waiting.take(true);
         let counts: Vec<_> = executions.iter().map(|(_, values)| values.len()).collect();
         assert_eq!(counts, [32, 4, 1]);
         let last = executions.iter().flat_map(|(_, values)| values).next_back();
         assert_eq!(last, Some(&Value::Integer(36)));
-        assert!(waiting.take().is_empty());
+        assert!(waiting.take(true).is_empty());
         assert!(waiting.add(&ADD, &["7"], &[Value::Integer(7)]));
     }
 }

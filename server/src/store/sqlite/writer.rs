@@ -42,6 +42,10 @@ const BATCH: usize = 64;
 /// Maximum number of other requests in a batch.
 const OTHERS: usize = 64;
 
+/// Minimum time from one commit to the next while requests come faster than commits end. It is below
+/// the time that a client notices.
+const COMMIT_INTERVAL: Duration = Duration::from_millis(3);
+
 /// Pause between two background operations while requests wait.
 const BACKGROUND_PAUSE: Duration = Duration::from_millis(50);
 
@@ -98,6 +102,12 @@ impl Queue {
         }
         queue.push_back(operation);
         self.changed.notify_one();
+    }
+
+    /// Whether a trial or another request waits.
+    fn has_requests(&self) -> bool {
+        let lanes = self.lanes();
+        !lanes.trials.is_empty() || !lanes.requests.is_empty()
     }
 
     /// Waits for the next action. Operations that were queued before the writer was closed still run.
@@ -291,8 +301,14 @@ struct Thread {
 
 impl Thread {
     fn run(mut self) {
-        let mut last_background = Instant::now();
+        let (mut last_background, mut begun) = (Instant::now(), Instant::now());
         loop {
+            // Whoever waits at the end of a commit came during it, so more will come at once. Fewer,
+            // larger commits then leave the processors time for requests.
+            if self.queue.has_requests() {
+                std::thread::sleep(COMMIT_INTERVAL.saturating_sub(begun.elapsed()));
+            }
+            begun = Instant::now();
             match self.queue.next(last_background) {
                 Next::Write { batch, trials } => self.write(batch, trials),
                 Next::Background(batch) => {
