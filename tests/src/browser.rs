@@ -58,7 +58,7 @@ fn chromium() -> PathBuf {
         return given.into();
     }
     let path = std::env::var_os("PATH").unwrap_or_default();
-    let names = ["chromium", "chromium-browser", "google-chrome"];
+    let names = ["chromium-headless-shell", "chromium", "chromium-browser", "google-chrome"];
     let found = std::env::split_paths(&path)
         .flat_map(|folder| names.map(|name| folder.join(name)))
         .find(|candidate| candidate.is_file());
@@ -410,6 +410,15 @@ impl Tab {
     pub async fn run(&self, code: &str) {
         let result = self.page.evaluate(format!("void ({code})")).await;
         result.unwrap_or_else(|error| panic!("{code}: {error}"));
+    }
+
+    /// Goes back in the tab's history.
+    ///
+    /// # Panics
+    /// If the page throws.
+    pub async fn back(&self) {
+        // The navigation would cancel a call that waits for it.
+        self.run("setTimeout(() => history.back())").await;
     }
 
     /// Waits until the page's address has this query, which includes the question mark.

@@ -10,6 +10,7 @@
 #![allow(clippy::print_stdout, reason = "a command-line tool answers on standard output")]
 
 mod workspace;
+mod command;
 mod site;
 mod python;
 mod build;

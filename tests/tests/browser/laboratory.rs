@@ -99,7 +99,7 @@ async fn the_laboratory_goes_from_page_to_page_without_loading() {
     let before: usize = tab.eval(&format!("{canvas}.height")).await;
     tab.press("numbers-switch").await;
     tab.until(&format!("{fits} && {canvas}.height < {before}")).await;
-    tab.run("history.back()").await;
+    tab.back().await;
     tab.until(&Tab::at("trials")).await;
 
     // Go to the other study, and to an address without a page.

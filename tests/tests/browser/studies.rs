@@ -88,7 +88,7 @@ async fn a_study_is_watched_as_it_runs() {
     tab.until(&Tab::at("exclude-open")).await;
     tab.press("replay-link").await;
     tab.until(&Tab::at("replay")).await;
-    tab.run("history.back()").await;
+    tab.back().await;
     tab.press("delete").await;
     tab.press("sure").await;
     tab.until_says("no-trials", "deleted").await;

@@ -11,7 +11,7 @@ use std::{iter, thread};
 
 use anyhow::{Context, Result};
 
-use super::{on_path, within};
+use crate::command::beneath;
 use crate::workspace::cannot_start;
 
 /// A named command of a lane.
@@ -128,14 +128,6 @@ fn end_of(text: &str, lines: usize) -> &str {
     let text = text.trim_end();
     let begin = text.rmatch_indices('\n').nth(lines - 1).map_or(0, |(at, _)| at + 1);
     &text[begin..]
-}
-
-/// Lowers the priority of a command, if `nice` is available.
-fn beneath(command: Command) -> Command {
-    if on_path(&["nice"]).is_none() {
-        return command;
-    }
-    within(&["nice".as_ref(), "-n".as_ref(), "10".as_ref()], &command)
 }
 
 #[cfg(test)]
