@@ -118,7 +118,11 @@ impl Sqlite {
         match purpose {
             Purpose::Alone | Purpose::Copy | Purpose::Create => {
                 named.sweep_copies();
+                let is_new = named.is_empty();
                 named.create().map_err(disk)?;
+                if is_new {
+                    tracing::info!(file = name(), "created the database");
+                }
             }
             Purpose::Change | Purpose::Read if named.is_empty() => {
                 return Err(OpenError::Absent(name()));

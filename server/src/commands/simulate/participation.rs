@@ -65,9 +65,9 @@ pub(super) async fn take_part(args: &SimulateArgs, url: &str) -> Result<(), Comm
 async fn study(server: &Client, slug: &str) -> Result<StudyInfo, CommandError> {
     let origin = server.origin();
     let study = server.study(slug).await.map_err(|error| match error.code() {
-        Some("not_found") => {
-            CommandError::Input(format!("--study {slug}: no such study at {origin}"))
-        }
+        Some("not_found") => CommandError::Input(format!(
+            "--study {slug}: no such study at {origin}; name the study of its page, /s/NAME"
+        )),
         _ => error.into(),
     })?;
     if study.schema_version != SCHEMA_VERSION {

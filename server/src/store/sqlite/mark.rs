@@ -172,6 +172,9 @@ pub(super) struct Log {
     /// Whether a mark does not follow the mark before it, because another program wrote another
     /// database into this one.
     is_broken: bool,
+    /// Whether a mark is on another page than the file's mark, because the log belongs to another
+    /// database.
+    has_other_mark: bool,
     /// Number of transactions that SQLite would apply.
     commits: usize,
     /// Number of frames that SQLite would read. `None` unless SQLite would lose further frames. It
@@ -209,7 +212,10 @@ impl Log {
         let mut is_indexed = true;
         while let Some(frame) = frames.next()? {
             let mark = match page {
-                Some(page) if page != u64::from(frame.page) => None,
+                Some(page) if page != u64::from(frame.page) => {
+                    found.has_other_mark |= frame.is_sound && alone_on(frame.content).is_some();
+                    None
+                }
                 _ => Mark::find(frame.content),
             };
             if !frame.is_sound {
@@ -355,7 +361,8 @@ fn compare(file: Option<&Mark>, log: &Log) -> Option<Misplaced> {
 /// The mismatch between a file and a log that is not its own, if any.
 fn strange(file: Option<&Mark>, log: &Log) -> Option<Misplaced> {
     let Some([first, last]) = &log.marks else {
-        return file.filter(|_| log.commits > 0).map(|_| Misplaced::Unmarked);
+        let why = if log.has_other_mark { Misplaced::Other } else { Misplaced::Unmarked };
+        return file.filter(|_| log.commits > 0).map(|_| why);
     };
     match file {
         None => Some(Misplaced::Later).filter(|_| first.commits > 1).or(None),
