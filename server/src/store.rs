@@ -54,7 +54,7 @@ use postgres::Postgres;
 use sha2::{Digest, Sha256};
 use sidestep::study::StudyConfig;
 use sql::{Connection, Question};
-use sqlite::{DatabaseFile, Sqlite};
+use sqlite::{COMPANION, DatabaseFile, Sqlite};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, RwLock};
@@ -83,7 +83,9 @@ enum Database {
 #[must_use]
 pub fn harmless(url: &str) -> String {
     match url.split_once(':') {
-        Some(("sqlite", name)) if name.contains("://") => "sqlite:…".to_owned(),
+        Some(("sqlite", name)) if name.contains("://") || name.contains('@') => {
+            "sqlite:…".to_owned()
+        }
         Some((kind, _)) if kind.contains('=') || kind.contains('/') => "…".to_owned(),
         Some((kind, _)) if kind != "sqlite" => format!("{}:…", kind.trim()),
         None if url.contains('=') => "…".to_owned(),
@@ -131,6 +133,12 @@ impl Store {
         let file = DatabaseFile::of_url(url);
         let file = file.map_err(|found| OpenError::Address { url: harmless(url), found })?;
         Ok(Some(file.path().to_owned()))
+    }
+
+    /// Why a file that SQLite could overwrite or delete must not be a database or a backup.
+    #[must_use]
+    pub fn refused_name(file: &Path) -> Option<&'static str> {
+        DatabaseFile::is_companion(file).then_some(COMPANION)
     }
 
     /// Whether a server uses this SQLite file, or exited without closing it.

@@ -70,6 +70,10 @@ struct Done<'a> {
 pub async fn back_up(args: BackupArgs) -> Result<(), CommandError> {
     let out = &args.out;
     no_address("--out", out)?;
+    if let Some(why) = Store::refused_name(out) {
+        let message = format!("--out {}: {why}; choose another name", out.display());
+        return Err(CommandError::Input(message));
+    }
     if out.exists() {
         let message = format!("--out {}: expected a file that does not exist", out.display());
         return Err(CommandError::Input(message));

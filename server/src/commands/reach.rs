@@ -29,9 +29,9 @@ use sidestep::vehicle::Pose;
 /// it can be true for an unreachable state, if unreachability is not proved.
 ///
 /// An uncertain start adds "start": {"disc": r, "heading": δ} or {"box": [along, across],
-/// "heading": δ}, where each part is optional. Positions are then at most r m from "initial", or at
-/// most these lengths (m) along and across its heading to either side. Headings are at most δ rad
-/// from its heading. The sets contain everything that is reachable from any of these poses. With an
+/// "heading": δ}, where each part is optional. With "disc", the start position is within r metres of
+/// "initial". With "box", it is at most "along" metres ahead of or behind "initial", and at most
+/// "across" metres to its left or right. The heading is within δ rad of that of "initial". The sets contain everything that is reachable from any of these poses. With an
 /// uncertain heading, a "full" query may take a second.
 ///
 /// The answer, in world coordinates, is {"sets": [{"steps": [{"step", "t", "area", "bbox": [x0, y0,

@@ -92,7 +92,7 @@ pub async fn run(args: ValueArgs) -> Result<(), CommandError> {
 enum Fault {
     Line(LineError),
     Disk(io::Error),
-    /// An invalid state in a row. The caller adds the line.
+    /// An invalid state in a row. [`read`] adds the line number and returns [`Self::Line`].
     State(Invalid),
 }
 

@@ -2,9 +2,9 @@
 //! up a PostgreSQL database as a file.
 //!
 //! Each participant is copied in one transaction with everything stored about them, so an
-//! interrupted copy can resume. If a participant exists at the destination, a hash of all their
-//! rows is compared, and the participant is copied again if they have done more since the last
-//! copy. Rows keep their ids, and trials keep their order. The models and files of analyses are
+//! interrupted copy can resume. If the destination already has the participant, the hashes of all
+//! their rows in both databases are compared. If they differ, the participant is copied again, unless
+//! the destination's copy is newer. Rows keep their ids, and trials keep their order. The models and files of analyses are
 //! copied. Their cached cells are not copied, because they can be recomputed.
 
 mod columns;

@@ -37,7 +37,7 @@ use writer::Writer;
 
 pub(super) use connection::open;
 pub use damaged::copy_damaged;
-pub(super) use file::{DatabaseFile, Identity};
+pub(super) use file::{COMPANION, DatabaseFile, Identity};
 pub use file::{LEAST_FREE_BYTES, MAGIC};
 
 /// An open database file with the schema of this version.
@@ -120,7 +120,7 @@ impl Sqlite {
                 named.sweep_copies();
                 let is_new = named.is_empty();
                 named.create().map_err(disk)?;
-                if is_new {
+                if is_new && purpose == Purpose::Alone {
                     tracing::info!(file = name(), "created the database");
                 }
             }

@@ -239,8 +239,8 @@ pub struct Distances {
 }
 
 impl Distances {
-    /// The distances over trajectories of `steps` steps, each given by the human's and the model's
-    /// avoidance.
+    /// The distances over trajectories of `steps` steps. Each trajectory is a pair: the human's
+    /// avoidance and the model's.
     #[must_use]
     pub fn of(steps: usize, trajectories: &[(Avoidance, Avoidance)]) -> Self {
         let both: Vec<_> = trajectories

@@ -140,9 +140,27 @@ async fn a_password_is_in_no_message() {
         assert!(!format!("{refused:?}").contains("WRONG"), "{refused:?}");
         refused.refused(2, &["--database", "expected"]);
     }
+    let of_sqlite = run(&["check", "--database", "sqlite://side:WRONG@h/d"]).await;
+    assert!(!format!("{of_sqlite:?}").contains("WRONG"), "{of_sqlite:?}");
+    of_sqlite.refused(2, &["--database", "expected"]);
     let misplaced = run(&["check", "postgres://side:WRONG@h/d"]).await;
     assert!(!format!("{misplaced:?}").contains("WRONG"), "{misplaced:?}");
     misplaced.refused(2, &["unexpected argument 'postgres:…'"]);
+}
+
+/// SQLite would overwrite or delete them.
+#[tokio::test]
+async fn no_database_has_the_name_of_a_log() {
+    let folder = Folder::default();
+    let served = folder.database("served.db");
+    let server = Server::on(served.clone(), None).await;
+    for end in ["-wal", "-shm", "-journal"] {
+        let (name, url) = (folder.name(&format!("served.db{end}")), format!("{served}{end}"));
+        run(&["serve", "--database", &url]).await.refused(1, &[end, "another name"]);
+        let backup = ["backup", "--database", &served, "--out", &name];
+        run(&backup).await.refused(2, &["--out", end, "another name"]);
+    }
+    server.stop().await;
 }
 
 #[tokio::test]

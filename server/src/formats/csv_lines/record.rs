@@ -55,8 +55,8 @@ impl Record {
         (0..self.len()).map(|place| &self[place])
     }
 
-    /// The number at a place in the column `name`. A decimal comma is allowed if all numbers of the
-    /// file with decimals have one.
+    /// The number at a place in the column `name`. The first number with a comma or a point sets the
+    /// file's decimal mark. A later number with the other mark is an error.
     ///
     /// # Errors
     /// [`Invalid`] naming the column.

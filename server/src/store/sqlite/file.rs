@@ -21,6 +21,10 @@ pub const LEAST_FREE_BYTES: u64 = 4 << 20;
 const ATTEMPTS: usize = 10;
 const PAUSE: Duration = Duration::from_millis(50);
 
+/// Why a name is refused.
+pub(in crate::store) const COMPANION: &str =
+    "its name ends with -wal, -shm or -journal, like the files that SQLite keeps beside a database";
+
 /// A database file with its write-ahead log.
 #[derive(Clone, Debug)]
 pub(in crate::store) struct DatabaseFile {
@@ -40,8 +44,9 @@ impl DatabaseFile {
                 false => format!("a file's name; write sqlite:{url}"),
             });
         };
+        let is_of_server = name.contains("://") || name.starts_with("//") && name.contains('@');
         let name = name.strip_prefix("//").unwrap_or(name);
-        if name.contains("://") && !Path::new(name).exists() {
+        if is_of_server && !Path::new(name).exists() {
             return Err("another kind of address".to_owned());
         }
         if let Some((file, options)) = name.split_once('?')
@@ -66,6 +71,9 @@ impl DatabaseFile {
         let refuse = |reason: String| {
             Err(OpenError::Unusable { database: file.display().to_string(), reason })
         };
+        if Self::is_companion(file) {
+            return refuse(format!("{COMPANION}; choose another name"));
+        }
         let Ok(found) = std::fs::metadata(file) else {
             return match file.is_symlink() {
                 true => refuse("it is a symbolic link to a file that does not exist".to_owned()),
@@ -89,6 +97,12 @@ impl DatabaseFile {
             )),
             _ => Ok(()),
         }
+    }
+
+    /// Whether a file has the name of one that SQLite keeps beside a database, and may overwrite or delete.
+    pub(in crate::store) fn is_companion(file: &Path) -> bool {
+        let name = file.file_name().unwrap_or_default().as_encoded_bytes();
+        ["-wal", "-shm", "-journal"].iter().any(|end| name.ends_with(end.as_bytes()))
     }
 
     pub(in crate::store) fn at(path: &Path) -> Self {

@@ -310,7 +310,8 @@ pub(super) fn read_whole(from: &mut impl Read, buffer: &mut [u8]) -> io::Result<
     }
 }
 
-fn number(bytes: &[u8]) -> u32 {
+/// The big-endian number in the first four bytes.
+pub(super) fn number(bytes: &[u8]) -> u32 {
     u32::from_be_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
 }
 

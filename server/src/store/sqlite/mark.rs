@@ -6,7 +6,7 @@
 
 use super::connection;
 use super::file::{DatabaseFile, Identity, MAGIC};
-use super::log::{self, Frames, Index, PAGE, read_whole};
+use super::log::{self, Frames, Index, PAGE, number, read_whole};
 use crate::store::migrations::COUNTED;
 use crate::store::opening::Misplaced;
 use crate::store::sql::{Connection, OptionalExtension, Result, Row};
@@ -80,6 +80,8 @@ pub(super) struct Place {
     pub(super) offset: u64,
     /// Size of the page (bytes).
     pub(super) length: usize,
+    /// The version of the schema in the file, if SQLite can read it. VACUUM raises it.
+    schema: Option<u32>,
 }
 
 /// The mark in a file, without its log, and the place of the mark. Returns `None` for a file of a
@@ -113,7 +115,7 @@ pub(super) fn by_bytes(file: &DatabaseFile) -> io::Result<Option<(Mark, Place)>>
     let (mut page, mut offset, mut found) = (vec![0; length], 0, None);
     while read_whole(&mut bytes, &mut page)? {
         if let Some(mark) = alone_on(&page)
-            && found.replace((mark, Place { offset, length })).is_some()
+            && found.replace((mark, Place { offset, length, schema: None })).is_some()
         {
             return Ok(None);
         }
@@ -137,24 +139,34 @@ fn alone_on(page: &[u8]) -> Option<Mark> {
 /// The mark in a file and its place, as SQLite reads them without the log.
 pub(super) fn by_sqlite(file: &DatabaseFile) -> Result<Option<(Mark, Place)>> {
     let db = connection::without_log(file)?;
-    let page = "SELECT rootpage, (SELECT page_size FROM pragma_page_size) FROM sqlite_schema WHERE name = 'mark'";
-    let page = db.query_row(page, [], |row| Ok((row.get(0)?, row.get(1)?))).optional()?;
-    let Some((page, size)): Option<(u64, u64)> = page else { return Ok(None) };
+    let page = "SELECT rootpage, (SELECT page_size FROM pragma_page_size), \
+                    (SELECT schema_version FROM pragma_schema_version) \
+                FROM sqlite_schema WHERE name = 'mark'";
+    let page = db
+        .query_row(page, [], |row| Ok((row.get(0)?, row.get(1)?, row.get::<_, i64>(2)?)))
+        .optional()?;
+    let Some((page, size, schema)): Option<(u64, u64, _)> = page else { return Ok(None) };
+    let schema = u32::try_from(schema).ok();
     let text =
         db.query_row("SELECT text FROM mark", [], |row| row.get::<_, String>(0)).optional()?;
     let mark = text.and_then(|text| Mark::find(text.as_bytes()));
-    let place = Place { offset: (page - 1) * size, length: size as usize };
+    let place = Place { offset: (page - 1) * size, length: size as usize, schema };
     Ok(mark.map(|mark| (mark, place)))
 }
 
 /// The page size, from the header in a file's first page.
 pub(super) fn page_length(mut file: &File) -> Option<usize> {
-    let mut head = [0; 18];
+    let mut head = [0; 32];
     file.rewind().and_then(|()| file.read_exact(&mut head)).ok()?;
     let length = match u16::from_be_bytes([head[16], head[17]]) {
         1 => 65_536,
         length => usize::from(length),
     };
+    // The number of pages shows that the size is damaged.
+    let (pages, all) = (u64::from(number(&head[28..])), file.metadata().ok()?.len());
+    if pages * length as u64 != all && pages * PAGE as u64 == all {
+        return Some(PAGE);
+    }
     (head.starts_with(MAGIC) && length >= 512 && length.is_power_of_two()).then_some(length)
 }
 
@@ -172,9 +184,9 @@ pub(super) struct Log {
     /// Whether a mark does not follow the mark before it, because another program wrote another
     /// database into this one.
     is_broken: bool,
-    /// Whether a mark is on another page than the file's mark, because the log belongs to another
-    /// database.
-    has_other_mark: bool,
+    /// A mark on another page than the file's mark. The log then belongs to another database, or to
+    /// a copy of this one with another arrangement of pages.
+    elsewhere: Option<Mark>,
     /// Number of transactions that SQLite would apply.
     commits: usize,
     /// Number of frames that SQLite would read. `None` unless SQLite would lose further frames. It
@@ -205,15 +217,18 @@ impl Log {
     ) -> io::Result<Option<Self>> {
         let page = of.map(|(_, place)| place.offset / place.length as u64 + 1);
         let mut found = Self { salts: frames.salts(), follows: true, ..Self::default() };
-        // The last mark of the unfinished transaction, the number of sound frames, and the highest
-        // number of commits in a mark after these frames.
+        // The last mark since the last commit, the number of sound frames, and the highest commit
+        // number in this database's marks after the sound frames.
         let (mut pending, mut sound, mut behind) = (None, 0, 0);
+        // The last version of the schema.
+        let mut schema = None;
         let index = index.filter(|index| index.salts == found.salts);
         let mut is_indexed = true;
         while let Some(frame) = frames.next()? {
             let mark = match page {
                 Some(page) if page != u64::from(frame.page) => {
-                    found.has_other_mark |= frame.is_sound && alone_on(frame.content).is_some();
+                    found.elsewhere =
+                        alone_on(frame.content).filter(|_| frame.is_sound).or(found.elsewhere);
                     None
                 }
                 _ => Mark::find(frame.content),
@@ -225,6 +240,9 @@ impl Log {
                 continue;
             }
             sound += 1;
+            if frame.page == 1 {
+                schema = frame.content.get(40..44).map(number);
+            }
             is_indexed &= index.is_none_or(|index| index.may_have(sound, frame.page));
             pending = mark.or(pending);
             if frame.pages == 0 {
@@ -243,6 +261,10 @@ impl Log {
                 found.marks = Some([first, mark]);
             }
         }
+        // VACUUM INTO makes a copy with the same mark. Its pages have another arrangement, and its
+        // schema has a later version than any log of the original.
+        let versions = of.and_then(|(_, place)| place.schema).zip(schema);
+        found.follows &= versions.is_none_or(|(file, log)| file <= log);
         // A power failure damages at most the last transaction, because SQLite syncs the disk
         // before it begins the next one.
         let last = found.marks.as_ref().map_or(0, |[_, last]| last.commits);
@@ -361,8 +383,11 @@ fn compare(file: Option<&Mark>, log: &Log) -> Option<Misplaced> {
 /// The mismatch between a file and a log that is not its own, if any.
 fn strange(file: Option<&Mark>, log: &Log) -> Option<Misplaced> {
     let Some([first, last]) = &log.marks else {
-        let why = if log.has_other_mark { Misplaced::Other } else { Misplaced::Unmarked };
-        return file.filter(|_| log.commits > 0).map(|_| why);
+        return file.filter(|_| log.commits > 0).map(|file| match &log.elsewhere {
+            Some(mark) if mark.identity == file.identity => Misplaced::Fork,
+            Some(_) => Misplaced::Other,
+            None => Misplaced::Unmarked,
+        });
     };
     match file {
         None => Some(Misplaced::Later).filter(|_| first.commits > 1).or(None),

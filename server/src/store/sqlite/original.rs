@@ -449,16 +449,18 @@ impl Original {
     /// Whether VACUUM has moved the mark.
     fn is_elsewhere(&self) -> bool {
         let Ok(Some((found, place))) = mark::by_sqlite(&self.file) else { return false };
-        if let Some((identity, known)) =
-            &mut *self.mark.lock().unwrap_or_else(PoisonError::into_inner)
-            && *identity == found.identity
-        {
-            *known = place;
-        }
+        let before = self.mark.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let Some((identity, _)) = before.clone().filter(|(known, _)| *known == found.identity)
+        else {
+            return false;
+        };
+        let is_now = |mark| *self.mark.lock().unwrap_or_else(PoisonError::into_inner) = mark;
+        is_now(Some((identity, place)));
         // VACUUM shortens the file. The header contains the page size and the new number of pages.
         let mut header = [0; 100];
         let length = self.handle.metadata().map_or(0, |found| found.len());
         if self.handle.read_exact_at(&mut header, 0).is_err() {
+            is_now(before);
             return false;
         }
         let page = match u16::from_be_bytes([header[16], header[17]]) {
@@ -467,10 +469,17 @@ impl Original {
         };
         let pages = u32::from_be_bytes([header[28], header[29], header[30], header[31]]);
         if length < page * u64::from(pages) {
+            is_now(before);
             return false;
         }
-        self.length.store(length, Ordering::Relaxed);
-        self.found().is_none()
+        let longest = self.length.swap(length, Ordering::Relaxed);
+        if self.found().is_none() {
+            return true;
+        }
+        // It is a copy, and the log still has its marks at the place before.
+        is_now(before);
+        self.length.store(longest, Ordering::Relaxed);
+        false
     }
 
     /// Whether the content is what SQLite wrote. The file may still have been moved, deleted or replaced.

@@ -292,3 +292,48 @@ async fn an_older_index_is_noticed_before_a_read() {
     );
     db.close();
 }
+
+/// `VACUUM INTO` of another program copies the mark, but arranges the pages otherwise.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_log_is_not_applied_to_a_vacuumed_copy() {
+    let folder = tempfile::tempdir().unwrap();
+    let of = |name: &str| DatabaseFile::at(&folder.path().join(name));
+    with_rows(&of("study.db"), 0..3).await.close();
+    // Then the mark is on the same page in both.
+    let vacuum = |to: Option<&DatabaseFile>| {
+        let db = connection::writing(of("study.db").path()).unwrap();
+        let into = to.map_or(String::new(), |to| format!(" INTO '{}'", to.path().display()));
+        db.batch(&format!("VACUUM{into}")).unwrap();
+    };
+    vacuum(None);
+    let db = with_rows(&of("study.db"), 3..6).await;
+    vacuum(Some(&of("copy.db")));
+    add_rows(&db, 6..9).await;
+    let beside = std::fs::read(of("study.db").log()).unwrap();
+    std::fs::write(of("copy.db").log(), beside).unwrap();
+    assert_eq!(mark::misplaced(&of("copy.db"), || None).unwrap(), Some(Misplaced::Fork));
+    assert_eq!(mark::misplaced(&of("study.db"), || None).unwrap(), None);
+
+    // A copy that overwrites the file leaves the log, which is rescued.
+    std::fs::copy(of("copy.db").path(), of("study.db").path()).unwrap();
+    while db.original.rescued().is_none() {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    assert!(read(&db, rows).await.is_err());
+    db.close();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_file_with_a_long_name_is_rescued() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = DatabaseFile::at(&folder.path().join("n".repeat(239) + ".db"));
+    let db = with_rows(&file, 0..3).await;
+    std::fs::remove_file(file.path()).unwrap();
+    while db.original.rescued().is_none() {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    db.close();
+    let rescued = DatabaseFile::at(&db.original.rescued().unwrap());
+    assert_eq!(rescued.folder(), folder.path());
+    assert_eq!(read(&Sqlite::open(rescued, Purpose::Read).unwrap(), rows).await.unwrap(), 3);
+}

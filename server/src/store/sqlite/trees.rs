@@ -36,6 +36,7 @@ pub(super) fn mend(named: &DatabaseFile, page: usize, like: Option<&Connection>)
     if pages.count == 0 {
         return Ok(());
     }
+    pages.mend_header()?;
     let schema = [Table::of_schema()];
     if pages.mend(&schema)?
         && let Some(like) = like
@@ -232,20 +233,41 @@ impl<'a> Pages<'a> {
         self.file.write_all_at(&content, self.offset(root))
     }
 
+    /// Sets the bytes of a header that are the same in every database of this program.
+    fn set_constants(&self, header: &mut [u8; HEADER]) {
+        header[..16].copy_from_slice(MAGIC);
+        // 1 stands for 65,536.
+        let size = u16::try_from(self.size).unwrap_or(1);
+        header[16..18].copy_from_slice(&size.to_be_bytes());
+        // WAL mode, no reserved bytes, and the fractions of a page that payloads may fill.
+        header[18..24].copy_from_slice(&[2, 2, 0, 64, 32, 32]);
+        // Schema format 4, no automatic VACUUM, and UTF-8.
+        for (at, value) in [(44, 4_u32), (52, 0), (56, 1), (64, 0)] {
+            header[at..at + 4].copy_from_slice(&value.to_be_bytes());
+        }
+    }
+
+    /// Repairs damaged bytes of the header without which SQLite does not read the file.
+    fn mend_header(&self) -> io::Result<()> {
+        let mut header = [0; HEADER];
+        self.file.read_exact_at(&mut header, 0)?;
+        let found = header;
+        self.set_constants(&mut header);
+        // If nothing of the header is left, the loss of the whole page is repaired later.
+        if found == header || !found.starts_with(MAGIC) {
+            return Ok(());
+        }
+        self.file.write_all_at(&header, 0)
+    }
+
     /// Writes the number of pages. The free list is emptied, because it may be damaged, too.
     fn write_header(&self) -> io::Result<()> {
         let mut header = [0; HEADER];
         self.file.read_exact_at(&mut header, 0)?;
         if !header.starts_with(MAGIC) {
             header = [0; HEADER];
-            header[..16].copy_from_slice(MAGIC);
-            let size = u16::try_from(self.size).unwrap_or(1);
-            header[16..18].copy_from_slice(&size.to_be_bytes());
-            // WAL mode, the fractions of a page that payloads may fill, schema format 4, and UTF-8.
-            header[18..24].copy_from_slice(&[2, 2, 0, 64, 32, 32]);
-            header[47] = 4;
-            header[59] = 1;
         }
+        self.set_constants(&mut header);
         header[28..32].copy_from_slice(&self.count.to_be_bytes());
         header[32..40].fill(0);
         let changes: [u8; 4] = std::array::from_fn(|at| header[24 + at]);

@@ -12,6 +12,9 @@ use std::sync::PoisonError;
 use std::sync::atomic::Ordering;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+/// Length (bytes) above which a name is shortened, so that the name of the rescue file fits.
+const LONGEST_NAME: usize = 200;
+
 impl Original {
     pub(in crate::store::sqlite) fn rescued(&self) -> Option<PathBuf> {
         self.rescued.lock().unwrap_or_else(PoisonError::into_inner).clone()
@@ -89,6 +92,10 @@ impl Original {
     pub(in crate::store::sqlite) fn rescue_names(&self) -> impl Iterator<Item = PathBuf> {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let mut name = self.file.path().file_name().unwrap_or_default().to_owned();
+        // File systems limit the length of a name to 255 bytes.
+        if name.len() > LONGEST_NAME {
+            name = name.to_string_lossy().chars().take(LONGEST_NAME / 4).collect::<String>().into();
+        }
         name.push(format!(".{}.rescued", now.as_millis()));
         let elsewhere = std::env::current_dir().into_iter().chain([std::env::temp_dir()]);
         let elsewhere = elsewhere.filter(|_| self.goes_elsewhere.load(Ordering::Relaxed));
