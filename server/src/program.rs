@@ -90,7 +90,8 @@ pub fn run() -> ExitCode {
 
 /// The error without addresses that were given in the wrong place, because they may contain a password.
 fn without_addresses(mut error: clap::Error) -> clap::Error {
-    for kind in [ContextKind::InvalidArg, ContextKind::InvalidValue] {
+    for kind in [ContextKind::InvalidArg, ContextKind::InvalidValue, ContextKind::InvalidSubcommand]
+    {
         if let Some(ContextValue::String(found)) = error.get(kind)
             && found.contains("://")
         {

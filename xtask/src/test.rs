@@ -74,7 +74,9 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
         return python_package(workspace);
     }
     if find_chromium()?.is_none() {
-        install(&PACKAGES, how_to_install)?;
+        // Not every distribution has the headless shell.
+        install(&PACKAGES, how_to_install)
+            .or_else(|_| install(&["chromium", PACKAGES[1]], how_to_install))?;
     }
     let chromium = chromium()?;
     if !has_surroundings() {

@@ -44,7 +44,7 @@ impl DatabaseFile {
                 false => format!("a file's name; write sqlite:{url}"),
             });
         };
-        let is_of_server = name.contains("://") || name.starts_with("//") && name.contains('@');
+        let is_of_server = name.contains("://") || names_a_host(name);
         let name = name.strip_prefix("//").unwrap_or(name);
         if is_of_server && !Path::new(name).exists() {
             return Err("another kind of address".to_owned());
@@ -71,7 +71,7 @@ impl DatabaseFile {
         let refuse = |reason: String| {
             Err(OpenError::Unusable { database: file.display().to_string(), reason })
         };
-        if Self::is_companion(file) {
+        if Self::is_companion(file) && !begins_like_a_database(file) {
             return refuse(format!("{COMPANION}; choose another name"));
         }
         let Ok(found) = std::fs::metadata(file) else {
@@ -340,6 +340,20 @@ impl Copied {
             }
         }
     }
+}
+
+/// Whether the part after `sqlite:` is that of a server's address, `//USER@HOST/…` or
+/// `USER:PASSWORD@…`, which may have a password.
+fn names_a_host(name: &str) -> bool {
+    let part = name.strip_prefix("//").unwrap_or(name).split(['/', '?']).next().unwrap_or("");
+    let user = part.rsplit_once('@').map(|(user, _)| user);
+    user.is_some_and(|user| name.starts_with("//") || user.contains(':'))
+}
+
+fn begins_like_a_database(file: &Path) -> bool {
+    let mut first = [0; MAGIC.len()];
+    let read = File::open(file).and_then(|mut file| file.read_exact(&mut first));
+    read.is_ok() && first == *MAGIC
 }
 
 fn with_end(path: &Path, end: &str) -> PathBuf {

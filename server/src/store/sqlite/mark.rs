@@ -9,7 +9,7 @@ use super::file::{DatabaseFile, Identity, MAGIC};
 use super::log::{self, Frames, Index, PAGE, number, read_whole};
 use crate::store::migrations::COUNTED;
 use crate::store::opening::Misplaced;
-use crate::store::sql::{Connection, OptionalExtension, Result, Row};
+use crate::store::sql::{Connection, Error, OptionalExtension, Result, Row};
 use memchr::memmem;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek};
@@ -80,8 +80,9 @@ pub(super) struct Place {
     pub(super) offset: u64,
     /// Size of the page (bytes).
     pub(super) length: usize,
-    /// The version of the schema in the file, if SQLite can read it. VACUUM raises it.
-    schema: Option<u32>,
+    /// The version of the schema, which VACUUM raises, and the number of pages in the file, if SQLite
+    /// can read them.
+    header: Option<[u32; 2]>,
 }
 
 /// The mark in a file, without its log, and the place of the mark. Returns `None` for a file of a
@@ -115,7 +116,7 @@ pub(super) fn by_bytes(file: &DatabaseFile) -> io::Result<Option<(Mark, Place)>>
     let (mut page, mut offset, mut found) = (vec![0; length], 0, None);
     while read_whole(&mut bytes, &mut page)? {
         if let Some(mark) = alone_on(&page)
-            && found.replace((mark, Place { offset, length, schema: None })).is_some()
+            && found.replace((mark, Place { offset, length, header: None })).is_some()
         {
             return Ok(None);
         }
@@ -140,17 +141,20 @@ fn alone_on(page: &[u8]) -> Option<Mark> {
 pub(super) fn by_sqlite(file: &DatabaseFile) -> Result<Option<(Mark, Place)>> {
     let db = connection::without_log(file)?;
     let page = "SELECT rootpage, (SELECT page_size FROM pragma_page_size), \
-                    (SELECT schema_version FROM pragma_schema_version) \
+                    (SELECT schema_version FROM pragma_schema_version), \
+                    (SELECT page_count FROM pragma_page_count) \
                 FROM sqlite_schema WHERE name = 'mark'";
-    let page = db
-        .query_row(page, [], |row| Ok((row.get(0)?, row.get(1)?, row.get::<_, i64>(2)?)))
-        .optional()?;
-    let Some((page, size, schema)): Option<(u64, u64, _)> = page else { return Ok(None) };
-    let schema = u32::try_from(schema).ok();
+    let read = |row: &Row| {
+        let header: [i64; 2] = [row.get(2)?, row.get(3)?];
+        Ok((row.get(0)?, row.get(1)?, header.map(|number| u32::try_from(number).unwrap_or(0))))
+    };
+    let page = db.query_row(page, [], read).optional()?;
+    let Some((page, size, header)): Option<(u64, u64, _)> = page else { return Ok(None) };
+    let header = Some(header);
     let text =
         db.query_row("SELECT text FROM mark", [], |row| row.get::<_, String>(0)).optional()?;
     let mark = text.and_then(|text| Mark::find(text.as_bytes()));
-    let place = Place { offset: (page - 1) * size, length: size as usize, schema };
+    let place = Place { offset: (page - 1) * size, length: size as usize, header };
     Ok(mark.map(|mark| (mark, place)))
 }
 
@@ -184,9 +188,11 @@ pub(super) struct Log {
     /// Whether a mark does not follow the mark before it, because another program wrote another
     /// database into this one.
     is_broken: bool,
-    /// A mark on another page than the file's mark. The log then belongs to another database, or to
-    /// a copy of this one with another arrangement of pages.
+    /// The first mark on another page than the file's mark. The log then belongs to another database
+    /// or to a copy of this one, or has a VACUUM, which arranges the pages otherwise.
     elsewhere: Option<Mark>,
+    /// Whether the schema has a later version in the log than in the file, as after VACUUM.
+    is_rearranged: bool,
     /// Number of transactions that SQLite would apply.
     commits: usize,
     /// Number of frames that SQLite would read. `None` unless SQLite would lose further frames. It
@@ -195,6 +201,11 @@ pub(super) struct Log {
 }
 
 impl Log {
+    /// Whether no mark shows that the log belongs to another place of the mark.
+    pub(super) fn is_of_place(&self) -> bool {
+        self.marks.is_some() || self.elsewhere.is_none()
+    }
+
     /// Reads the log of a file with this mark. Returns `None` if SQLite would neither apply nor
     /// lose any transaction of the log. Only marks on the page of the file's mark count, because
     /// user input may look like a mark.
@@ -220,15 +231,16 @@ impl Log {
         // The last mark since the last commit, the number of sound frames, and the highest commit
         // number in this database's marks after the sound frames.
         let (mut pending, mut sound, mut behind) = (None, 0, 0);
-        // The last version of the schema.
-        let mut schema = None;
+        // The last version of the schema, and the number of pages after the last commit.
+        let (mut schema, mut pages) = (None, None);
         let index = index.filter(|index| index.salts == found.salts);
         let mut is_indexed = true;
         while let Some(frame) = frames.next()? {
             let mark = match page {
                 Some(page) if page != u64::from(frame.page) => {
-                    found.elsewhere =
-                        alone_on(frame.content).filter(|_| frame.is_sound).or(found.elsewhere);
+                    if found.elsewhere.is_none() && frame.is_sound {
+                        found.elsewhere = alone_on(frame.content);
+                    }
                     None
                 }
                 _ => Mark::find(frame.content),
@@ -249,6 +261,7 @@ impl Log {
                 continue;
             }
             found.commits += 1;
+            pages = Some(frame.pages);
             if let Some(mark) = pending.take() {
                 let is_next = |[_, last]: &[Mark; 2]| last.is_just_before(&mark);
                 found.is_broken |= !found.marks.as_ref().is_none_or(is_next);
@@ -262,9 +275,13 @@ impl Log {
             }
         }
         // VACUUM INTO makes a copy with the same mark. Its pages have another arrangement, and its
-        // schema has a later version than any log of the original.
-        let versions = of.and_then(|(_, place)| place.schema).zip(schema);
-        found.follows &= versions.is_none_or(|(file, log)| file <= log);
+        // schema has a later version than any log of the original. A log without the first page
+        // changes neither the schema nor the number of pages.
+        if let Some([version, count]) = of.and_then(|(_, place)| place.header) {
+            found.follows &=
+                schema.map_or(pages.is_none_or(|pages| pages == count), |log| version <= log);
+            found.is_rearranged = schema.is_some_and(|log| version < log);
+        }
         // A power failure damages at most the last transaction, because SQLite syncs the disk
         // before it begins the next one.
         let last = found.marks.as_ref().map_or(0, |[_, last]| last.commits);
@@ -352,7 +369,12 @@ pub(super) fn with_changes(db: &Connection) -> Result<(Option<Mark>, i64)> {
 pub(super) fn count(db: &Connection, changes: i64) -> Result<Option<Mark>> {
     let counted = format!("{COUNTED} WHERE total_changes() > $1 RETURNING text");
     let text = db.query_row(&counted, [changes], |row| row.get::<_, String>(0)).optional()?;
-    Ok(text.and_then(|text| Mark::find(text.as_bytes())))
+    let has_changed = "SELECT total_changes() > $1";
+    match text.and_then(|text| Mark::find(text.as_bytes())) {
+        // There is no mark to count the commit in.
+        None if db.query_row(has_changed, [changes], |row| row.get(0))? => Err(Error::NoRow),
+        mark => Ok(mark),
+    }
 }
 
 /// Whether another program wrote another database into this one, with its mark on another page or
@@ -383,6 +405,11 @@ fn compare(file: Option<&Mark>, log: &Log) -> Option<Misplaced> {
 /// The mismatch between a file and a log that is not its own, if any.
 fn strange(file: Option<&Mark>, log: &Log) -> Option<Misplaced> {
     let Some([first, last]) = &log.marks else {
+        if file.zip(log.elsewhere.as_ref()).is_some_and(|(file, mark)| {
+            log.is_rearranged && file.is_before(mark) && file.is_followed_by(mark)
+        }) {
+            return None;
+        }
         return file.filter(|_| log.commits > 0).map(|file| match &log.elsewhere {
             Some(mark) if mark.identity == file.identity => Misplaced::Fork,
             Some(_) => Misplaced::Other,

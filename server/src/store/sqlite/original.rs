@@ -424,6 +424,11 @@ impl Original {
         }
         let mark = self.mark.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let (identity, place) = mark?;
+        self.found_at(&identity, place)
+    }
+
+    /// Like [`Self::found`], for a mark with this identity at this place.
+    fn found_at(&self, identity: &str, place: Place) -> Option<&'static str> {
         let mut page = vec![0; place.length];
         let read = self.handle.read_exact_at(&mut page, place.offset);
         match read.ok().and_then(|()| Mark::find(&page)) {
@@ -449,18 +454,19 @@ impl Original {
     /// Whether VACUUM has moved the mark.
     fn is_elsewhere(&self) -> bool {
         let Ok(Some((found, place))) = mark::by_sqlite(&self.file) else { return false };
-        let before = self.mark.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let Some((identity, _)) = before.clone().filter(|(known, _)| *known == found.identity)
-        else {
+        let known = self.mark.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let Some((identity, _)) = known.filter(|(known, _)| *known == found.identity) else {
             return false;
         };
-        let is_now = |mark| *self.mark.lock().unwrap_or_else(PoisonError::into_inner) = mark;
-        is_now(Some((identity, place)));
+        // A copy has another arrangement of pages, too, but the log has no mark at this place.
+        let log = Log::read(self.file.log(), Some(&(found, place)), None);
+        if !log.is_ok_and(|log| log.is_none_or(|log| log.is_of_place())) {
+            return false;
+        }
         // VACUUM shortens the file. The header contains the page size and the new number of pages.
         let mut header = [0; 100];
         let length = self.handle.metadata().map_or(0, |found| found.len());
         if self.handle.read_exact_at(&mut header, 0).is_err() {
-            is_now(before);
             return false;
         }
         let page = match u16::from_be_bytes([header[16], header[17]]) {
@@ -468,18 +474,12 @@ impl Original {
             page => u64::from(page),
         };
         let pages = u32::from_be_bytes([header[28], header[29], header[30], header[31]]);
-        if length < page * u64::from(pages) {
-            is_now(before);
+        if length < page * u64::from(pages) || self.found_at(&identity, place).is_some() {
             return false;
         }
-        let longest = self.length.swap(length, Ordering::Relaxed);
-        if self.found().is_none() {
-            return true;
-        }
-        // It is a copy, and the log still has its marks at the place before.
-        is_now(before);
-        self.length.store(longest, Ordering::Relaxed);
-        false
+        *self.mark.lock().unwrap_or_else(PoisonError::into_inner) = Some((identity, place));
+        self.length.store(length, Ordering::Relaxed);
+        self.found().is_none()
     }
 
     /// Whether the content is what SQLite wrote. The file may still have been moved, deleted or replaced.

@@ -293,33 +293,58 @@ async fn an_older_index_is_noticed_before_a_read() {
     db.close();
 }
 
+/// What another program's VACUUM does to a file, or to a copy of it.
+fn vacuum(file: &DatabaseFile, into: Option<&DatabaseFile>) {
+    let db = connection::writing(file.path()).unwrap();
+    let into = into.map_or(String::new(), |to| format!(" INTO '{}'", to.path().display()));
+    db.batch(&format!("VACUUM{into}")).unwrap();
+}
+
 /// `VACUUM INTO` of another program copies the mark, but arranges the pages otherwise.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_log_is_not_applied_to_a_vacuumed_copy() {
+    for is_on_the_same_page in [true, false] {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |name: &str| DatabaseFile::at(&folder.path().join(name));
+        let (file, copy) = (of("study.db"), of("copy.db"));
+        with_rows(&file, 0..3).await.close();
+        if is_on_the_same_page {
+            vacuum(&file, None);
+        }
+        let db = with_rows(&file, 3..6).await;
+        vacuum(&file, Some(&copy));
+        add_rows(&db, 6..9).await;
+        std::fs::copy(file.log(), copy.log()).unwrap();
+        assert_eq!(mark::misplaced(&copy, || None).unwrap(), Some(Misplaced::Fork));
+        assert_eq!(mark::misplaced(&file, || None).unwrap(), None);
+
+        // A copy that overwrites the file leaves the log, which is rescued.
+        std::fs::copy(copy.path(), file.path()).unwrap();
+        while db.original.rescued().is_none() {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+        assert!(read(&db, rows).await.is_err());
+        db.close();
+    }
+}
+
+/// The mark is then on another page in the file than in the log.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_log_that_begins_with_a_vacuum_is_the_files_own() {
     let folder = tempfile::tempdir().unwrap();
     let of = |name: &str| DatabaseFile::at(&folder.path().join(name));
     with_rows(&of("study.db"), 0..3).await.close();
-    // Then the mark is on the same page in both.
-    let vacuum = |to: Option<&DatabaseFile>| {
-        let db = connection::writing(of("study.db").path()).unwrap();
-        let into = to.map_or(String::new(), |to| format!(" INTO '{}'", to.path().display()));
-        db.batch(&format!("VACUUM{into}")).unwrap();
-    };
-    vacuum(None);
-    let db = with_rows(&of("study.db"), 3..6).await;
-    vacuum(Some(&of("copy.db")));
-    add_rows(&db, 6..9).await;
-    let beside = std::fs::read(of("study.db").log()).unwrap();
-    std::fs::write(of("copy.db").log(), beside).unwrap();
-    assert_eq!(mark::misplaced(&of("copy.db"), || None).unwrap(), Some(Misplaced::Fork));
+    let db = with_rows(&of("study.db"), 3..3).await;
+    vacuum(&of("study.db"), None);
+    add_rows(&db, 3..6).await;
     assert_eq!(mark::misplaced(&of("study.db"), || None).unwrap(), None);
-
-    // A copy that overwrites the file leaves the log, which is rescued.
-    std::fs::copy(of("copy.db").path(), of("study.db").path()).unwrap();
-    while db.original.rescued().is_none() {
-        tokio::time::sleep(Duration::from_millis(20)).await;
+    for end in ["", "-wal"] {
+        let of = |name| folder.path().join(format!("{name}{end}"));
+        std::fs::copy(of("study.db"), of("killed.db")).unwrap();
     }
-    assert!(read(&db, rows).await.is_err());
+    let killed = Sqlite::open(of("killed.db"), Purpose::Alone).unwrap();
+    assert_eq!(read(&killed, rows).await.unwrap(), 6);
+    killed.close();
     db.close();
 }
 

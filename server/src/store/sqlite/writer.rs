@@ -429,7 +429,7 @@ impl Thread {
                 for operation in others {
                     run(db, &mut **operation)?;
                     done += 1;
-                    if begun.elapsed() >= self.disk {
+                    if begun.elapsed() >= self.disk.max(COMMIT_INTERVAL) {
                         break;
                     }
                 }
