@@ -58,7 +58,7 @@ fn chromium() -> PathBuf {
         return given.into();
     }
     let path = std::env::var_os("PATH").unwrap_or_default();
-    let names = ["chromium-headless-shell", "chromium", "chromium-browser", "google-chrome"];
+    let names = ["chromium", "chromium-browser", "google-chrome"];
     let found = std::env::split_paths(&path)
         .flat_map(|folder| names.map(|name| folder.join(name)))
         .find(|candidate| candidate.is_file());
