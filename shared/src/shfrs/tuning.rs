@@ -21,8 +21,7 @@ use crate::stats::{Estimate, Tally, open_probability, share};
 use least_area::{least_area, ranks};
 use serde::{Deserialize, Serialize};
 
-/// The shares of trajectories for training and calibration. The remaining trajectories are for
-/// testing.
+/// The shares of trajectories for training and calibration. The rest is for testing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Split {
     /// Share for training, in (0, 1).
@@ -39,8 +38,7 @@ impl Split {
     pub const USUAL: Self = Self { training: 0.4, calibration: 0.3, seed: 0 };
 }
 
-/// XORed with the seed, so that the split of people and the choice of their trajectories use
-/// different random numbers.
+/// XORed with the seed, so that people and their trajectories are drawn with different random numbers.
 const ONE_EACH: u64 = 0x6f6e_655f_6561_6368;
 
 impl Default for Split {
@@ -250,9 +248,8 @@ pub struct Tuned {
     /// Mean area (m²) of the tube of F_1 over the test part, or over the calibration part if there
     /// is no test part.
     pub mean_area_m2: f64,
-    /// This mean area as a share of the worst-case area, which is the area of everything that the
-    /// vehicle can reach. If the share is near 1, the guarantee says no more than the vehicle
-    /// model.
+    /// This mean area as a share of the worst-case area, the area of everything that the vehicle can
+    /// reach. If the share is near 1, the guarantee says no more than the vehicle model.
     pub share_of_worst_case: f64,
     /// Largest distance from the set (m) at which a recorded position counted as inside.
     pub tolerance_m: f64,
