@@ -25,7 +25,7 @@ const SEARCH: Duration = Duration::from_secs(1);
 /// Grace period for running requests when the server stops.
 const FAREWELL: Duration = Duration::from_secs(10);
 /// Maximum length of a request's head (bytes). Also the size of the read buffer of an idle connection.
-const LONGEST_HEAD: usize = 1 << 13;
+const LONGEST_HEAD: usize = 1 << 14;
 
 /// The routes that a listener serves, and its connections.
 #[derive(Clone)]
