@@ -4,7 +4,6 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
 
-use crate::command::beneath;
 use crate::site::{self, ENTRIES, PageSize};
 use crate::workspace::{Runs, Workspace, both, stage};
 
@@ -54,8 +53,7 @@ fn client(workspace: &Workspace) -> Result<(Vec<PageSize>, Times)> {
         let entries = ENTRIES.iter().filter(|(_, where_it_runs)| *where_it_runs == runs);
         let mut build = workspace.compile_for_browsers("build", runs);
         build.args(entries.flat_map(|(entry, _)| ["--bin", entry]));
-        // The server takes longer, and for much of its time it uses only one processor.
-        times.push((name, stage(name, &mut beneath(build))?));
+        times.push((name, stage(name, &mut build)?));
     }
 
     let start = Instant::now();
