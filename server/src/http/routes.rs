@@ -139,10 +139,12 @@ mod tests {
     /// wait.
     #[tokio::test]
     async fn a_trial_is_answered_ahead_of_a_class_that_enrols() {
-        const AHEAD: usize = 10;
-        const BEHIND: usize = 30;
+        // As many as one commit takes at most, so that on a disk of any speed the operation after them
+        // runs after the commit of the trial.
+        const AHEAD: usize = 64;
+        const BEHIND: usize = 80;
         let folder = TempDir::new().unwrap();
-        let (store, router) = served(&folder, 100).await;
+        let (store, router) = served(&folder, 1 + AHEAD + BEHIND).await;
         let me: Enrolled = body(enrol(&router).await).await;
         let (_, planned) = me.plan.scenes().next().unwrap();
 
