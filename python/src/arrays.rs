@@ -1,7 +1,7 @@
 //! Conversion between NumPy arrays and numbers of the library.
 //!
-//! An argument may be any object that NumPy converts to an array, with any memory layout. Its numbers must be
-//! float64 or convert to float64 without loss. The array is copied, because another Python thread may write
+//! An argument can be any object that NumPy converts to an array, with any memory layout. Its numbers must be
+//! float64 or convert to float64 without loss. The array is copied, because another Python thread might write
 //! to it while the interpreter is released.
 
 use std::f64::consts::TAU;
@@ -50,7 +50,7 @@ pub(crate) fn numbers(
         return Err(Invalid::new(field, expected, "some").into());
     }
     let array = numpy.call_method1("asarray", (object,)).map_err(|raised| {
-        // This happens, for example, for lists of different lengths.
+        // The conversion fails, for example, for lists of different lengths.
         Invalid::new(field, expected(), raised.value(py))
     })?;
     let kind = array.getattr("dtype")?;
@@ -88,7 +88,7 @@ fn has_boolean(object: &Bound<'_, PyAny>, depth: usize) -> PyResult<bool> {
     }
     let listed = object.is_instance_of::<PyList>() || object.is_instance_of::<PyTuple>();
     if !listed || depth == 0 {
-        // A NumPy scalar, which may also be a boolean.
+        // A NumPy scalar, which can also be a boolean.
         let kind = object.getattr_opt("dtype")?.map(|dtype| dtype.getattr("kind")).transpose()?;
         return Ok(kind.is_some_and(|kind| kind.eq("b").unwrap_or(false)));
     }
@@ -100,8 +100,8 @@ fn has_boolean(object: &Bound<'_, PyAny>, depth: usize) -> PyResult<bool> {
     Ok(false)
 }
 
-/// Warns about the first heading of more than a full turn, because it may be in degrees. Every `width`-th
-/// number is a heading.
+/// Warns about the first heading beyond ±2π rad, because it might be in degrees. Every `width`-th number is a
+/// heading.
 pub(crate) fn warn_of_degrees(
     py: Python<'_>,
     field: &str,
@@ -157,8 +157,8 @@ impl<const W: usize> Rows<W> {
     }
 }
 
-/// Reads an array of shape (…, W). Rows of three numbers are taken as poses x, y, ψ, and headings beyond a
-/// full turn cause a warning.
+/// Reads an array of shape (…, W). Rows of three numbers are taken as poses x, y, ψ, and headings beyond ±2π
+/// rad cause a warning.
 pub(crate) fn rows<const W: usize>(
     field: &str,
     object: &Bound<'_, PyAny>,

@@ -39,8 +39,8 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     fs::write(path, bytes).map_err(|error| raised(&error, path))
 }
 
-/// An `OSError` that names the file. From the error number, Python selects the subclass, such as
-/// `FileNotFoundError`.
+/// An `OSError` that names the file. Python selects the subclass, such as `FileNotFoundError`, by the error
+/// number.
 fn raised(error: &io::Error, path: &Path) -> Error {
     let path = path.display().to_string();
     let raised: PyErr = match error.raw_os_error() {

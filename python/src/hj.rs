@@ -184,7 +184,7 @@ fn instants(times: &Bound<'_, PyAny>) -> Result<(f64, usize), Error> {
     Ok((last, slices))
 }
 
-/// When the march ends.
+/// The condition that ends the march: its duration, or a tolerance and the maximum duration.
 fn horizon(horizon_s: f64, slices: usize, tolerance: Option<f64>) -> Result<Horizon, Error> {
     match tolerance {
         None => Ok(Horizon::Finite(horizon_s)),
@@ -316,7 +316,7 @@ impl Task {
     }
 }
 
-/// The number at the node with these coordinates.
+/// The entry of `values` at the node nearest to `state`.
 fn at<const D: usize>(grid: &reachability::Grid<D>, values: &[f64], state: [f64; D]) -> f64 {
     let node = grid.axes.iter().zip(state).fold(0, |position, (axis, coordinate)| {
         let node = ((coordinate - axis.low) / axis.spacing()).round() as usize;

@@ -19,7 +19,7 @@ pub(crate) type New<'py, T> = (T, Bound<'py, PyDict>);
 
 /// File of prediction settings, in the format of the laboratory's explorer and of `sidestep shfrs
 /// --settings`. The file contains settings for drawing polygons only if they differ from the defaults. Only
-/// this package can read such a file.
+/// this package can read a file with these settings for drawing.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct SettingsFile {
@@ -99,14 +99,14 @@ pub(crate) enum CalibrationFormat {
     V1,
 }
 
-/// Reads a file of this format. Errors name it `name`.
+/// Reads a file of the format `T`. Error messages call the file `name`.
 pub(crate) fn loaded<T: DeserializeOwned>(name: &str, path: &Path) -> Result<T, Error> {
     let text = String::from_utf8(read(path)?);
     let text = text.map_err(|error| Invalid::new(name, "UTF-8", error))?;
     from_json(&text).map_err(|unread| Error::unread(name, unread))
 }
 
-/// Writes a file. Errors name it `name`.
+/// Writes a file. Error messages call the file `name`.
 pub(crate) fn saved(name: &str, path: &Path, file: &impl Serialize) -> Result<(), Error> {
     let text = serde_json::to_string(file);
     let text = text.map_err(|error| Invalid::new(name, "finite numbers, as in JSON", error))?;

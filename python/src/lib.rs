@@ -1,8 +1,9 @@
 //! Native half of the Python package `sidestep`: the library's functions for NumPy arrays.
 //!
-//! Nothing is computed here. Each file checks the arguments from Python (`arrays`), releases the interpreter
-//! while the library works, and returns arrays and objects that own their memory. An invalid value raises a
-//! `ValueError` with the argument's name, the expected and the actual value (`error`).
+//! The functions of this crate compute nothing themselves. Each file checks the arguments from Python
+//! (`arrays`), releases the interpreter while the library works, and returns arrays and objects that own
+//! their memory. An invalid value raises a `ValueError` with the argument's name, the expected and the actual
+//! value (`error`).
 //!
 //! Functions that draw figures or read tables are plain Python, in `python/package/sidestep/`.
 

@@ -234,8 +234,8 @@ impl OnlinePredictor {
         let (states, predicted) = py.detach(|| {
             let online = self.lock();
             let mut states = online.history().to_vec();
-            // The predictor also stores the human's pose before the history. The robot's pose there does not
-            // matter.
+            // The predictor also stores the human's pose one step before the history. The robot's pose at
+            // that step does not matter.
             if let ([only], Some(human)) = (&states[..], online.before()) {
                 states.insert(0, JointState { human, ..*only });
             }
@@ -286,8 +286,8 @@ impl OnlinePredictor {
         human.predicted_by(self.model.get(), &self.parameters)
     }
 
-    /// Call this only while the interpreter is released, because a thread that holds the lock may be waiting
-    /// for the interpreter.
+    /// Locks the predictor. Call this only while the interpreter is released, because a thread that holds the
+    /// lock might be waiting for the interpreter.
     fn lock(&self) -> MutexGuard<'_, clearance::OnlinePredictor> {
         self.online.lock().unwrap_or_else(PoisonError::into_inner)
     }

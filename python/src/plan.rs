@@ -217,7 +217,7 @@ pub(crate) fn largest_clear(
     Ok(values.chunks_exact(steps).rposition(clear))
 }
 
-/// Reads clearances, which may be −∞.
+/// Reads clearances, which can be −∞.
 fn clearances_or_nothing(clearances: &Bound<'_, PyAny>) -> Result<Numbers, Error> {
     let numpy = clearances.py().import("numpy")?;
     // Replace −∞ by a finite number. Anything that is not an array of numbers is rejected below.

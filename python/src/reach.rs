@@ -308,7 +308,7 @@ pub(crate) fn drive(
     Ok(states)
 }
 
-/// Draws a polygon and returns it as an array, with its margin on request.
+/// Draws a polygon and returns it as an array. With `return_margin`, also returns the margin.
 fn polygon(
     py: Python<'_>,
     return_margin: bool,

@@ -15,7 +15,7 @@ pub(crate) fn real(object: &Bound<'_, PyAny>) -> PyResult<f64> {
     or_largest(object, [f64::NEG_INFINITY, f64::INFINITY])
 }
 
-/// Reads the argument `horizon_s`. It may be infinite, but not an integer that is too large.
+/// Reads the argument `horizon_s`. It can be infinite. An integer that is too large for a float is rejected.
 pub(crate) fn horizon(object: &Bound<'_, PyAny>) -> PyResult<f64> {
     let horizon_s = real(object)?;
     if horizon_s.is_infinite() && object.is_instance_of::<pyo3::types::PyInt>() {

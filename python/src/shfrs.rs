@@ -416,8 +416,8 @@ impl ShfrsPredictor {
         let parameters = &human.parameters;
         let mut watch = Watch::new();
         let predicted = human.work(py, |learned| {
-            // The buffers may be in use: another thread may be predicting, or a Python function may start a
-            // prediction within its own prediction.
+            // The buffers can be in use: another thread might be predicting, or a Python function might start
+            // a prediction while it is called for another prediction.
             let mut other = shfrs::ShfrsPredictor::default();
             let mut kept = self.frames.try_lock().ok();
             let frames = kept.as_deref_mut().unwrap_or(&mut other);

@@ -274,7 +274,7 @@ impl Solution {
         py.detach(|| {
             let bytes = read(&path)?;
             let mut answer = loaded::<1>(&bytes);
-            // The number of axes is known only from the file, so try each.
+            // The number of axes is known only from the file, so try each number.
             for next in [loaded::<2>, loaded::<3>, loaded::<4>] {
                 if !answer.as_ref().is_err_and(|invalid| invalid.field == "meta.axes") {
                     break;

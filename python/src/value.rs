@@ -192,12 +192,12 @@ pub(crate) fn checked(threads: Option<i64>) -> Result<usize, Error> {
 /// Minimum number of states per thread. Computing fewer states takes less time than starting a thread.
 const STATES_OF_A_THREAD: usize = 4096;
 
-/// Number of states in each part that a thread takes.
+/// Number of states in a part. A thread computes one part after the other.
 const STATES_AT_ONCE: usize = 1024;
 
-/// Computes one result for each state, initially `unseen`. `work` gets the index of its first state, the
-/// states, and their results to fill in. It runs on at most `threads` threads, while the interpreter is
-/// released. Ctrl-C cancels the computation.
+/// Computes one result for each state. Every result is `unseen` at first. `work` gets the index of the first
+/// state of a part, the states of the part, and their results to fill in. It runs on at most `threads`
+/// threads while the interpreter is released. Ctrl-C cancels the computation.
 pub(crate) fn in_parts<S: Sync, T: Send + Clone>(
     py: Python<'_>,
     states: &[S],
@@ -219,9 +219,8 @@ pub(crate) fn in_parts<S: Sync, T: Send + Clone>(
             };
             if let Err(invalid) = work(i * STATES_AT_ONCE, states, found) {
                 ended.store(true, Ordering::Relaxed);
-                // Parts are taken in order, so nearly every earlier part is complete or in
-                // progress. Therefore the error of the earliest faulty part is usually found. It is
-                // the error that is kept.
+                // Threads take the parts in order, so nearly every earlier part is complete or in progress,
+                // and its error, if any, is usually found. Keep the error of the earliest part.
                 let mut first = first.lock().unwrap_or_else(PoisonError::into_inner);
                 if first.as_ref().is_none_or(|(other, _)| i < *other) {
                     *first = Some((i, invalid));

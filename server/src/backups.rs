@@ -14,7 +14,7 @@ use tokio_util::sync::CancellationToken;
 /// Name prefix of the temporary folders in which backups are written or restored.
 pub(crate) const UNFINISHED: &str = ".sidestep-backup-";
 
-/// Why a backup failed.
+/// The reason why a backup failed.
 #[derive(Debug, thiserror::Error)]
 pub enum BackupError {
     /// The database or its copy cannot be read.
@@ -63,9 +63,11 @@ pub struct Written {
     pub report: Report,
 }
 
-/// Writes a backup to `out`, a new file that only its owner can read. Every trial is replayed first. Faulty
-/// trials are an error unless `accepted` keeps them; damage to the database file is always an error. If
-/// participants are copied one by one, `progress` gets the number copied and the total.
+/// Writes a backup to `out`, a new file that only its owner can read. Every trial is replayed
+/// before the file gets its name. A faulty trial is an error unless `accepted` is
+/// [`FaultyTrials::Kept`]; damage to the database file is always an error. If the database is
+/// PostgreSQL, participants are copied one by one, and `progress` gets the number of copied
+/// participants and their total.
 ///
 /// # Errors
 /// [`BackupError`]; in this case no file is created.
@@ -79,7 +81,8 @@ pub async fn write(
     let unwritable = |error| BackupError::Unwritable { file: out.to_owned(), error };
     let parent = out.parent().filter(|folder| !folder.as_os_str().is_empty());
     let parent = parent.unwrap_or(Path::new("."));
-    // When the backup is opened, SQLite would apply this log of another database to it.
+    // When the backup is opened, SQLite would apply this log to it, although the log belongs to
+    // another database.
     if Store::has_log(out) {
         let found =
             "there is the write-ahead log of a database of this name; move it to another folder";
@@ -112,7 +115,8 @@ pub async fn write(
     Ok(Written { bytes, report })
 }
 
-/// Refuses a database with faults, unless its only faults are trials that `accepted` keeps.
+/// Refuses a database with faults. If `accepted` is [`FaultyTrials::Kept`], faulty trials are
+/// allowed, and only damage is refused.
 ///
 /// # Errors
 /// [`BackupError::Unsound`] with the first fault.
@@ -124,13 +128,13 @@ pub fn sound(file: &Path, report: &Report, accepted: FaultyTrials) -> Result<(),
     }
 }
 
-/// Suffix of the backup names of the database with this [`Store::code`].
+/// Suffix of the names of a database's backups. `code` is the database's [`Store::code`].
 fn end(code: &str) -> String {
     format!("Z-{code}.db")
 }
 
-/// Name of a backup, written at `now_ms` (ms since 1970), of the database with this
-/// [`Store::code`]: `sidestep-20261125T043000Z-1f0c9a37.db`.
+/// Name of a backup that is written at `now_ms` (ms since 1970), such as
+/// `sidestep-20261125T043000Z-1f0c9a37.db`. `code` is the database's [`Store::code`].
 #[must_use]
 pub fn name(code: &str, now_ms: i64) -> String {
     let time: String = date_time(now_ms).chars().filter(|c| !"-:".contains(*c)).collect();
@@ -160,7 +164,7 @@ pub fn list(folder: &Path, code: &str) -> io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Deletes the oldest backups of a database in a folder, except for the newest `keep` backups and the
+/// Deletes the backups of a database in a folder, except for the newest `keep` backups and the
 /// backup with the name `written`. Returns the number of deleted files.
 ///
 /// # Errors

@@ -22,7 +22,7 @@ use std::time::Duration;
 /// Request timeout, a little longer than the server's own timeout for a request.
 const PATIENCE: Duration = Duration::from_secs(40);
 
-/// Why a request did not succeed.
+/// The reason why a request did not succeed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ClientError {
     /// The server did not respond.
@@ -68,7 +68,7 @@ impl ClientError {
     }
 }
 
-/// The server's message. Does not repeat the request, which contains the token.
+/// The server's message. It does not repeat the request, because the request contains the token.
 fn said(problem: Option<&Problem>) -> String {
     match problem {
         None => "not in the words of a Sidestep server".to_owned(),
@@ -77,11 +77,11 @@ fn said(problem: Option<&Problem>) -> String {
     }
 }
 
-/// An HTTP client builder that trusts these roots. It sends requests directly to the server,
-/// without a proxy, and follows no redirects.
+/// An HTTP client builder that trusts these root certificates. The client sends requests directly
+/// to the server, without a proxy, and follows no redirects.
 ///
 /// # Errors
-/// No cause of an error is known.
+/// The error of [`tls_client::config`], which is not expected.
 pub fn http(trusted: RootCertStore) -> Result<reqwest::ClientBuilder, rustls::Error> {
     let tls = tls_client::config(trusted)?;
     let builder = reqwest::Client::builder().tls_backend_preconfigured(tls);
@@ -92,7 +92,7 @@ pub fn http(trusted: RootCertStore) -> Result<reqwest::ClientBuilder, rustls::Er
 #[derive(Clone, Debug)]
 pub struct Client {
     http: reqwest::Client,
-    /// Without a slash at the end.
+    /// The server's address, without a slash at the end.
     origin: String,
 }
 
@@ -113,7 +113,8 @@ impl Client {
             && parsed.fragment().is_none();
         let origin = parsed.as_str().trim_end_matches('/').to_owned();
         plain.then(|| {
-            // Reading the authorities takes milliseconds, and an address without TLS does not need them.
+            // Loading the system's certificate authorities takes milliseconds, and an address
+            // without TLS does not need them.
             let trusted = match parsed.scheme() {
                 "https" => tls_client::system_roots(),
                 _ => RootCertStore::empty(),
@@ -160,7 +161,7 @@ impl Client {
         Ok(Participation::new(self.clone(), enrolled))
     }
 
-    /// The laboratory, accessed with this key.
+    /// A client for the laboratory that sends this key.
     #[must_use]
     pub fn laboratory(&self, key: &str) -> Laboratory {
         Laboratory::new(self.clone(), key.to_owned())

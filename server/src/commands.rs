@@ -45,7 +45,8 @@ use sidestep::document::did_you_mean;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Why a command failed, in one line that names the input and says what to do.
+/// The reason why a command failed. The message is one line that names the input and says what to
+/// do.
 #[derive(Debug, thiserror::Error)]
 pub enum CommandError {
     /// Usage or bad input: exit code 2.
@@ -140,7 +141,7 @@ impl From<BackupError> for CommandError {
     }
 }
 
-/// The values of a flag, each with its word, meaning and help.
+/// The values of a flag. Each has the word on the command line, the value, and the help text.
 type Words<T> = &'static [(&'static str, T, &'static str)];
 
 /// A parser that accepts one of these words.
@@ -177,7 +178,8 @@ fn unwritable(path: &Path, error: &dyn std::fmt::Display) -> CommandError {
     CommandError::Failure(format!("{}: cannot write: {error}", path.display()))
 }
 
-/// Reports the faults in a printed result as a failure, even if the reader closed the output early.
+/// Returns a failure, because the printed result contains faults. It does not matter whether the
+/// reader closed the output early.
 fn failed(printed: Result<(), CommandError>, why: String) -> Result<(), CommandError> {
     match printed {
         Err(CommandError::Unread) | Ok(()) => Err(CommandError::Failure(why)),
@@ -185,7 +187,7 @@ fn failed(printed: Result<(), CommandError>, why: String) -> Result<(), CommandE
     }
 }
 
-/// Replaces `--database` by this flag in an error about a database address.
+/// In an error about a database address, replaces `--database` with this flag.
 fn of_flag(flag: &'static str) -> impl Fn(OpenError) -> CommandError {
     move |error| match error.into() {
         CommandError::Input(said) => CommandError::Input(said.replacen("--database", flag, 1)),

@@ -19,8 +19,9 @@ pub struct Report {
     pub trials: usize,
     /// Number of trials with a flag other than `imported`. Such trials are not faulty.
     pub flagged: usize,
-    /// Damaged pages, references to rows that do not exist, tallies that do not match the trials,
-    /// altered configurations and value functions, and studies whose configuration cannot be read.
+    /// Damaged pages, references to rows that do not exist, tallies (stored counts) that do not
+    /// match the trials, altered configurations and value functions, and studies whose
+    /// configuration cannot be read.
     pub damage: Vec<String>,
     /// Trials that cannot be read or that differ from the stored results.
     pub wrong: Vec<Wrong>,
@@ -103,7 +104,8 @@ pub async fn report(store: &Store) -> Result<Report, StoreError> {
 }
 
 /// Faults of a database outside its trials: damaged pages, references to rows that do not exist,
-/// tallies that do not match the trials, and altered configurations or value functions.
+/// tallies (stored counts) that do not match the trials, and altered configurations or value
+/// functions.
 ///
 /// # Errors
 /// [`StoreError`] if the database cannot be read.
@@ -159,7 +161,7 @@ pub async fn examined(
         let fault = fault(&config.parameters, &trial);
         Ok(Examined { trial, config, fault })
     };
-    // This takes milliseconds, and must not delay the server's other requests.
+    // Replaying takes milliseconds, and must not delay the server's other requests.
     let replaying = move || read.into_iter().map(replay).collect();
     let replayed = tokio::task::spawn_blocking(replaying).await;
     replayed.map_err(|error| StoreError::Defect(error.to_string()))
@@ -206,7 +208,7 @@ fn fault(parameters: &SceneParameters, trial: &StoredTrial) -> Option<String> {
         Ok(found) => found,
         Err(error) => return Some(format!("page events or display: {error}")),
     };
-    // An imported trial may have flags for which the file has no evidence. A trial of an earlier
+    // An imported trial can have flags whose evidence is not in its content. A trial of an earlier
     // version lacks the flags that were introduced later.
     let expected = |flag: &&Flag| stored.contains(flag) || !Flag::LATER.contains(flag);
     let agree = if stored.contains(&Flag::Imported) {

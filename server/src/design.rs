@@ -16,12 +16,14 @@ pub struct PhaseDesign {
     pub phase: PhaseConfig,
     /// The strata of the phase.
     pub strata: Stratification,
-    /// The scenes in their order, for each place of a participant.
+    /// The scenes of each participant, in order. The index of a participant is their place in the
+    /// design, from 0.
     pub people: Vec<Vec<StratifiedScene>>,
 }
 
-/// A number of participants for the preview, which shows how evenly the scenes are distributed. It is
-/// one block of the phase with the most scenes, or 50 if a block has more than 100 participants.
+/// The default number of participants for the preview. It is the block of the phase with the most
+/// scenes, which is the number of participants after which the orders repeat. If a block has more
+/// than 100 participants, it is 50.
 #[must_use]
 pub fn usual_participants(study: &StudyConfig) -> u64 {
     let largest = study.phases.iter().map(|phase| phase.scenes).max().unwrap_or(1);

@@ -19,7 +19,7 @@ pub use tube::tube;
 
 use sidestep::chart::{MARGIN, headed};
 
-/// Why a figure cannot be drawn.
+/// The reason why a figure cannot be drawn.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot draw: {0}")]
 pub struct DrawError(pub String);

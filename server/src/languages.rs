@@ -333,7 +333,8 @@ mod tests {
         study.closing.debrief = Localised::of("de-AT", "Danke");
         assert_eq!(languages.offered(&study), ["de"]);
         assert_eq!(languages.untranslated(&study), []);
-        // No language has both texts, so the consent decides, and missing texts are reported.
+        // No language has both texts, so the consent text decides which languages are offered, and
+        // missing texts are reported.
         study.closing.debrief = Localised::of("es", "Gracias");
         assert_eq!(languages.offered(&study), ["en", "de", "zh-CN"]);
         assert_eq!(languages.untranslated(&study)[0].0, "closing.debrief");

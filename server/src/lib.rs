@@ -7,7 +7,8 @@
 //! single table of routes. [`commands`] has a module for each subcommand,
 //! and [`program`] parses the command line.
 
-/// Prints to stderr. Ignores errors, because the reader may have closed it early, as `head` does.
+/// Prints to stderr. Ignores errors, because the reader might have closed stderr early, as `head`
+/// does.
 macro_rules! eprintln {
     ($($said:tt)*) => {{
         use std::io::Write as _;

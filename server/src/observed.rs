@@ -161,7 +161,7 @@ fn process_use() -> Option<(i64, f64)> {
     let pages: i64 = pages.split(' ').nth(1)?.parse().ok()?;
     let memory = pages * i64::try_from(rustix::param::page_size()).ok()?;
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // The program's name, in parentheses, may contain spaces.
+    // The program's name, in parentheses, can contain spaces.
     let (_, stat) = stat.rsplit_once(") ")?;
     let ticks = stat.split(' ').skip(11).take(2).map(str::parse::<u64>);
     let ticks: u64 = ticks.collect::<Result<Vec<_>, _>>().ok()?.iter().sum();

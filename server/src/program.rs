@@ -1,6 +1,7 @@
 //! The program `sidestep`: parses the command line, calls a subcommand, and reports errors.
 //!
-//! It is in the library, because a separate package would compile the async functions again.
+//! This module is in the library, because a separate package would compile the async functions
+//! again.
 
 use crate::commands::serve::LogFormat;
 use crate::commands::{
@@ -80,7 +81,7 @@ pub fn run() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             if let Some(said) = error.said() {
-                // Ignore errors, because stderr may be closed.
+                // Ignore errors, because stderr might be closed.
                 let _ = writeln!(std::io::stderr(), "sidestep: {said}");
             }
             ExitCode::from(error.exit_code())
@@ -88,7 +89,8 @@ pub fn run() -> ExitCode {
     }
 }
 
-/// The error without addresses that were given in the wrong place, because they may contain a password.
+/// The error without addresses that were given in the wrong place, because they might contain a
+/// password.
 fn without_addresses(mut error: clap::Error) -> clap::Error {
     for kind in [ContextKind::InvalidArg, ContextKind::InvalidValue, ContextKind::InvalidSubcommand]
     {
@@ -132,8 +134,8 @@ async fn call(command: Command) -> Result<(), CommandError> {
     }
 }
 
-/// Initialises logging to stderr. A demonstration logs no requests, because hundreds of them fill
-/// its study and would scroll the sign-in link off the screen.
+/// Initialises logging to stderr. A demonstration logs no requests, because hundreds of requests
+/// fill its study, and their log would scroll the sign-in link off the screen.
 fn log_to_stderr(is_demo: bool, format: LogFormat) {
     use tracing::Level;
     let requests = if is_demo { Level::WARN } else { Level::INFO };

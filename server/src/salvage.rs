@@ -16,7 +16,7 @@ pub async fn salvage(
     to: &Store,
     mut lost: impl FnMut(Lost),
 ) -> Result<Report, StoreError> {
-    // Several studies can have the same configuration, so a lost row may be found several times.
+    // Several studies can have the same configuration, so a lost row can be found several times.
     let mut named = HashSet::new();
     let mut lost = |row: Lost| {
         if named.insert((row.table.clone(), row.key.clone())) {
@@ -26,7 +26,8 @@ pub async fn salvage(
     let (sender, found) = mpsc::channel(4);
     let reading = from.salvage(sender);
     let writing = async {
-        // If writing ends early, this drops the receiver, so that reading does not wait forever.
+        // This block owns the receiver. If writing ends early, the receiver is dropped, so that
+        // reading does not wait forever.
         let mut found = found;
         let mut targets = HashMap::new();
         while let Some(found) = found.recv().await {
@@ -39,7 +40,7 @@ pub async fn salvage(
                         && is_of_a_value(error)
                         && study.has_functions()
                     {
-                        // Value functions can be computed again.
+                        // Copy the study without its value functions, which can be computed again.
                         let key = format!("of study {}", study.slug);
                         lost(Lost::new("safety_function", key, error.to_string()));
                         begun = to.begin_copy(study.without_functions()).await;
@@ -87,7 +88,7 @@ pub async fn salvage(
         Ok::<_, StoreError>(())
     };
     let (read, written) = tokio::join!(reading, writing);
-    // If writing failed, its failure also stopped reading.
+    // If writing failed, it also stopped reading, so the error of writing comes first.
     written.and(read)?;
     let found = database_check::report(to).await?;
     for Wrong { trial_id, what } in &found.wrong {
@@ -107,7 +108,7 @@ pub async fn salvage(
     }
 }
 
-/// Whether this error may mean that the new database rejected a value of the old one.
+/// Whether this error might mean that the new database rejected a value of the old one.
 fn is_of_a_value(error: &StoreError) -> bool {
     matches!(error, StoreError::Defect(_) | StoreError::Corrupt(_) | StoreError::Locked)
 }

@@ -95,8 +95,8 @@ pub fn complete(
     recording
 }
 
-/// The trials that a participant drove before this one, with one trial of each scene. They are the
-/// training data of the laboratory's default predictor.
+/// The trials that a participant drove before this trial, with one trial of each scene. They are
+/// the training data of the laboratory's default predictor.
 ///
 /// # Errors
 /// [`StoreError`] if the database cannot be read.

@@ -23,7 +23,8 @@ pub struct Copied {
     pub sha256: String,
 }
 
-/// Why a copy is incomplete. Data that were already copied are kept, and another copy resumes there.
+/// The reason why a copy is incomplete. The data that were already copied are kept, and the next
+/// copy continues after them.
 #[derive(Debug, thiserror::Error)]
 pub enum TransferError {
     /// The destination has another study of this name.
@@ -43,7 +44,7 @@ pub enum TransferError {
         /// The participant.
         id: String,
     },
-    /// The destination has more data of a participant.
+    /// In the destination, a participant has new data, or was deleted, since they were copied.
     #[error(
         "study {slug}: participant {id} has new data, or was deleted, in the destination since they were copied; \
          the destination is left unchanged: copy to another database"

@@ -94,7 +94,8 @@ fn trials(parameters: &SceneParameters) -> Vec<Trial> {
     (0..TRIALS).map(|_| trial()).collect()
 }
 
-/// Safety levels of the closed form's game, but sampled on the nodes of the polar method.
+/// Safety levels of a game that has a closed form, but solved with the polar method and
+/// interpolated between its nodes.
 fn sampled(parameters: &SceneParameters) -> SafetyLevels {
     let options = Options::default().with_method(Method::Polar);
     let game = parameters.game(Evader::Human);

@@ -26,7 +26,7 @@ struct Part {
 }
 
 impl Part {
-    /// The columns `set` of all training trials except the trials of `fold`.
+    /// The rows of all training trials except the trials of `fold`, with the columns `set`.
     fn new(person: &Person, set: &[usize], fold: Option<usize>) -> Self {
         let kept = |i: &usize| fold.is_none_or(|fold| person.folds[*i] != fold);
         let rows: Vec<usize> = (0..person.folds.len()).filter(kept).collect();
@@ -120,7 +120,7 @@ fn trees(criterion: &mut Criterion) {
                         let trees = grow_each(&part.samples(experiment), None, &leaves);
                         for tree in trees.expect("trees") {
                             for tree in [2, 4, 6, 8].map(|depth| tree.truncated(depth)) {
-                                // As many rows as a fold holds out.
+                                // Predicts as many rows as a fold holds out.
                                 for row in person.values.chunks_exact(WIDTH).step_by(FOLDS) {
                                     black_box(tree.class(&row[..set.len()]));
                                 }

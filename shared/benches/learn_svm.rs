@@ -17,7 +17,7 @@ use sidestep::math::SeededRng;
 use sidestep::predict::scale::Scale;
 use sidestep::predict::svm::{Sigmoid, Svm};
 
-/// Cross-validates, calibrates and refits one person on one feature set.
+/// Cross-validates, calibrates and refits the SVMs of one person on one feature set.
 fn compare(person: &Person, set: &[usize], kernels: Kernels) {
     let row = |row: &[f64]| set.iter().map(|&j| row[j]).collect::<Vec<f64>>();
     let values: Vec<f64> = person.values.chunks(WIDTH).flat_map(row).collect();

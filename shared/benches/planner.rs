@@ -93,8 +93,9 @@ fn rounds(parameters: &SceneParameters, robot: Pose, spread: f64) -> Vec<(JointS
     rounds
 }
 
-/// Prints the time of the slowest of many cycles near the human, and the numbers of cycles whose
-/// plan is close to the largest set or clear of it.
+/// Prints the time of the slowest of many cycles near the human. Also prints the number of cycles
+/// whose plan comes within 1 m of the largest set, and the number of cycles whose plan is clear of
+/// it.
 #[allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
 fn slowest(online: &mut OnlinePredictor, rounds: &[(JointState, Plan)], footprint: &Footprint) {
     let mut took: Vec<f64> = Vec::new();

@@ -118,7 +118,8 @@ fn slowest_of(class: &Class, sets: u64, seed: u64) -> [Slowest; 7] {
     slowest
 }
 
-/// A pose. In half of the cases, its position is uncertain, and its heading may be uncertain too.
+/// A random start. In half of the cases, the position is uncertain. In half of these cases, the
+/// heading is uncertain too.
 fn start(rng: &mut SeededRng) -> StartSet {
     let pose = Pose::new(1.0, -2.0, rng.uniform(-PI, PI));
     let position = match rng.below(4) {
@@ -130,8 +131,8 @@ fn start(rng: &mut SeededRng) -> StartSet {
     StartSet::new(pose, position, heading_rad).expect("a start")
 }
 
-/// The poses after each step of a drive. Its rates are at the bounds, between them, or slightly
-/// beyond one of them, so that membership has hard cases.
+/// The poses after each step of a random drive. Its turn rates are at the bounds, between them, or
+/// slightly beyond one of them, so that membership tests include hard cases.
 fn drive(class: &Class, bounds: &InputBounds, from: Pose, rng: &mut SeededRng) -> Vec<Pose> {
     let beyond = [0.0, 0.02][rng.below(2)];
     let mut pose = from;

@@ -20,7 +20,8 @@ use sidestep::reachability::{
 };
 use sidestep::vehicle::VehicleModel;
 
-/// Pairs of a measurement and its baseline. A ratio above 1 is faster than the baseline.
+/// Pairs of a measurement and its baseline. A ratio above 1 means that the measurement is faster
+/// than its baseline.
 const RATIOS: &[(&str, &str)] = &[
     ("sampled/value and gradient", "exact/scalar"),
     ("sampled/level curve", "exact/level curve"),
@@ -91,8 +92,8 @@ fn curves(function: &ValueFunction) {
     }
 }
 
-/// The paper's game, solved by the polar solver up to 40 m, and interpolation and level curves of
-/// the solution.
+/// Measures the polar solver on the paper's game up to a range of 40 m. Also measures interpolation
+/// and level curves of its solution.
 fn sampled(criterion: &mut Criterion, fastest: &mut Fastest) {
     let vehicle = VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 };
     let game = PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 3.0 };

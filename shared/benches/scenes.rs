@@ -23,8 +23,8 @@ const RATIOS: &[(&str, &str)] = &[
 const BUDGETS: &[(&str, f64)] =
     &[("scenes/of a participant", 5e-3), ("scenes/counterbalanced", 2e-3)];
 
-/// Participants per call. The average is over several, because some have far more rejected draws
-/// than others.
+/// Participants per call. The time is averaged over several participants, because some of them need
+/// far more rejected draws than others.
 const PARTICIPANTS: u64 = 20;
 
 fn main() {

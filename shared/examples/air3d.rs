@@ -6,9 +6,10 @@
 //! air3d 51x40x50 weno5 THREADS RUNS [PEER.npy]
 //! ```
 //!
-//! The environment variable `LANES` limits the SIMD width: `128-bit`, `avx2` or `avx512`. The
-//! fastest of RUNS solves counts. PEER.npy (`<f4`, C order) contains another solver's values on the
-//! same nodes, whose error is measured in the same way.
+//! The environment variable `LANES` limits the SIMD width: `128-bit`, `avx2` or `avx512`. The game
+//! is solved RUNS times, and the time of the fastest solve is reported. PEER.npy (`<f4`, C order)
+//! contains the values of another solver on the same nodes. Their error is measured in the same
+//! way.
 
 #![allow(clippy::print_stdout, reason = "its answer is what it prints")]
 

@@ -10,8 +10,8 @@ use std::ops::ControlFlow;
 fn main() -> Result<(), Box<dyn Error>> {
     // The axes are the distance from the wall (m) and the speed towards it (m/s).
     let grid = Grid { axes: [Axis::bounded(-1.0, 6.0, 141), Axis::bounded(-3.0, 3.0, 121)] };
-    // The wind (0.3 m/s²) pushes the car towards the wall, so it minimises. The brakes (1 m/s²)
-    // maximise.
+    // The wind (0.3 m/s²) pushes the car towards the wall, so it minimises the value. The brakes (1
+    // m/s²) maximise it.
     let game = ControlAffine::new(grid, |[_, v]| [-v, 0.0])?
         .minimiser(|_| [[0.0], [0.3]], [[-1.0, 1.0]])?
         .maximiser(|_| [[0.0], [1.0]], [[-1.0, 1.0]])?;

@@ -115,7 +115,7 @@ fn first() -> u32 {
     1
 }
 
-// Serde passes a reference to `skip_serializing_if`.
+// Serde calls the function named in `skip_serializing_if` with a reference.
 #[expect(clippy::trivially_copy_pass_by_ref)]
 fn is_first(count: &u32) -> bool {
     *count == 1

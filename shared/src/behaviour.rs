@@ -249,7 +249,7 @@ mod tests {
         assert!(straight.in_danger && (straight.closest_m - 1.0).abs() < 1e-9);
         let onset = right.onset.unwrap();
         assert!((onset.time_s - 1.0).abs() < 1e-12 && !onset.to_left);
-        // Both have driven 2 m towards each other.
+        // Both vehicles have driven 2 m towards each other.
         assert!((onset.distance_m - crate::math::hypot(16.0, 1.0)).abs() < 1e-9);
         assert!(!right.in_danger && right.robot_on_left && right.turning == 0.1);
         assert_eq!((of.all.tasks, of.all.in_danger, of.all.steered, of.all.to_left), (2, 1, 1, 0));

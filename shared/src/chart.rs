@@ -19,7 +19,7 @@
 //! assert_eq!(chart.table().rows[1], ["4", "3.1"]);
 //! ```
 //!
-//! A page can scale a plot and place the labels itself. It then takes the ticks from [`Axis::ticks`]
+//! A page that scales a plot and places the labels itself takes the ticks from [`Axis::ticks`]
 //! (each with its position as a fraction of the axis) and draws only [`Chart::layers`], with
 //! [`Chart::draw_layers`].
 

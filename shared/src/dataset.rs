@@ -124,7 +124,7 @@ impl Dataset {
 /// A step of a participant's trial: the participant's name, the trial's number, and the step.
 pub type StepKey = (String, u64, u64);
 
-/// Features of one step that were computed elsewhere.
+/// Features of one step that another program computed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GivenRow {
     /// The row's line in its file.
@@ -135,7 +135,7 @@ pub struct GivenRow {
     pub values: Vec<f64>,
 }
 
-/// Features that were computed elsewhere and replace the features computed here.
+/// Features that another program computed. They replace the features that this library computes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GivenFeatures {
     /// The features, in the order of the values in each row.

@@ -1,7 +1,7 @@
 //! Deserializes documents (JSON, TOML, queries) into typed values. If a document does not match the
-//! type, the error is an [`Invalid`]: the field, what was expected and what was found. It is built
-//! from the parts of Serde's errors, not from their messages. Only numbers that are too large are
-//! detected by the parser's message.
+//! type, the error is an [`Invalid`]: the field, what was expected and what was found. This error
+//! is built from the parts of Serde's errors, not from their messages. The only exception is a
+//! number that is too large, which is detected by the parser's message.
 
 mod nearest;
 
@@ -16,7 +16,7 @@ use serde::de::{
 use serde::forward_to_deserialize_any;
 use serde_json::Value;
 
-/// Why a text could not be parsed.
+/// The reason why a text could not be parsed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Unread {
     /// The text is not JSON. Contains the parser's message, with line and column.
@@ -38,7 +38,7 @@ pub fn is_too_deep(text: &str) -> bool {
     nesting(text) > DEEPEST
 }
 
-/// Parses one JSON value of type `T`. The text must have nothing after it.
+/// Parses one JSON value of type `T`. Nothing but white space is allowed after the value.
 ///
 /// # Errors
 /// [`Unread`]. A syntax error anywhere in the text takes precedence over a value that does not match
@@ -69,8 +69,8 @@ pub fn from_json<T: DeserializeOwned>(text: &str) -> Result<T, Unread> {
     }
 }
 
-/// Parses one JSON object as a `T`. The text must have nothing after it. (Serde would also accept a
-/// list of the fields in order.)
+/// Parses one JSON object as a `T`. Nothing but white space is allowed after the object. (Serde
+/// would also accept a list of the fields in order.)
 ///
 /// # Errors
 /// The errors of [`from_json`], and [`Invalid`] for a value that is not an object.

@@ -88,7 +88,7 @@ impl FeatureSet {
         Self::of(&names)
     }
 
-    /// No features, for a predictor that uses none.
+    /// The empty set, for a predictor that uses no features.
     #[must_use]
     pub fn none() -> Self {
         Self(Vec::new())
@@ -111,8 +111,8 @@ impl FeatureSet {
     }
 
     /// The safety levels that these features need. If a feature depends on the game, they are the
-    /// safety levels of `parameters`. Otherwise, they are the safety levels of two identical
-    /// vehicles. No feature uses these levels, and they need no numerical solve.
+    /// safety levels of `parameters`. Otherwise, no feature uses safety levels. The result is then
+    /// the levels of two identical vehicles, which need no numerical solve.
     ///
     /// # Errors
     /// The errors of [`SafetyLevels::solve`].

@@ -53,7 +53,7 @@ impl Invalid {
     }
 }
 
-/// Maximum number of characters of a field or a value. Longer texts, which a file may contain, are
+/// Maximum number of characters of a field or a value. Longer texts, which a file can contain, are
 /// truncated.
 const MOST_SIGNS: usize = 400;
 

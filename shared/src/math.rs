@@ -22,7 +22,7 @@ pub fn wrap_angle(angle: f64) -> f64 {
         return angle;
     }
     let wrapped = angle - TAU * ((angle - PI) / TAU).ceil();
-    // Rounding may put the result one unit in the last place outside the interval.
+    // Rounding can put the result one unit in the last place outside the interval.
     if wrapped <= -PI { wrapped + TAU } else { wrapped.min(PI) }
 }
 

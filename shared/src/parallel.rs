@@ -1,7 +1,8 @@
 //! Parallelism: threads and SIMD lanes.
 //!
-//! Neither changes a bit of any result. Each cell is computed independently of the others, with
-//! IEEE operations in a fixed order, from arrays that are read-only during the computation.
+//! The number of threads and the SIMD width do not change a single bit of any result. Each cell is
+//! computed independently of the others, with IEEE operations in a fixed order, from arrays that
+//! are read-only during the computation.
 
 use crate::invalid::Invalid;
 
@@ -115,7 +116,7 @@ pub enum Lanes {
 }
 
 impl Lanes {
-    /// The widest lanes of this machine.
+    /// The widest lanes that this machine supports.
     #[must_use]
     pub fn widest() -> Self {
         #[cfg(target_arch = "x86_64")]

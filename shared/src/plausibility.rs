@@ -50,7 +50,7 @@ pub fn check_drive(
             let expected = format!("{rate:.4} rad/s, by which the human turns in this step");
             return Err(Invalid::new(format!("turn_rates[{step}]"), expected, held));
         }
-        // The comparison of wrapped angles cannot detect an error of a full turn per step.
+        // The comparison of wrapped angles cannot detect an error of a full circle per step.
         if held.abs() > most * (1.0 + 1e-9) + 2.0 * ROUNDING / parameters.step_s {
             let expected = format!("a turn rate of at most {most} rad/s to either side");
             return Err(Invalid::new(format!("turn_rates[{step}]"), expected, held));
@@ -68,8 +68,8 @@ pub fn check_step(parameters: &SceneParameters, from: Pose, to: Pose) -> Result<
     StepLimits::of(parameters.human, parameters.step_s).check(from, to)
 }
 
-/// Why the human's vehicle could not have driven a step; see [`departure`]. `Display` writes the
-/// measured value and the vehicle's limit.
+/// The reason why the human's vehicle could not have driven a step; see [`departure`]. `Display`
+/// writes the measured value and the vehicle's limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Departure {
@@ -123,8 +123,8 @@ impl core::fmt::Display for Departure {
     }
 }
 
-/// Returns why the human's vehicle of `parameters` could not have driven a step, or `None` if it
-/// could. Has the same tolerances as [`check_step`]. Does not allocate.
+/// Returns the reason why the human's vehicle of `parameters` could not have driven a step, or
+/// `None` if it could. Has the same tolerances as [`check_step`]. Does not allocate.
 #[must_use]
 pub fn departure(parameters: &SceneParameters, from: Pose, to: Pose) -> Option<Departure> {
     let vehicle = parameters.human;
@@ -207,7 +207,7 @@ impl StepLimits {
     }
 }
 
-/// Why a vehicle could not have driven a step.
+/// The reason why a vehicle could not have driven a step.
 enum Fault {
     /// The distance between the positions (m).
     Way { moved: f64 },
@@ -298,7 +298,7 @@ mod tests {
         assert!(found[0] > 100 && found[1] > 100, "{found:?}");
         let said = |to: Pose| departure(&parameters, from, to).unwrap().to_string();
         assert_eq!(said(from), "the human moved at 0.00 m/s, the vehicle at 2 m/s");
-        // 15 % slower and faster, like pedestrians.
+        // 15 % slower and 15 % faster than the vehicle, as pedestrians can be.
         assert_eq!(
             said(Pose::new(0.34, 0.0, 0.0)),
             "the human moved at 1.70 m/s, the vehicle at 2 m/s"

@@ -1,13 +1,13 @@
-//! Exact planar reachable sets of a vehicle at constant speed under bounds on its turn rate
-//! that change from step to step.
+//! Exact planar reachable sets of a vehicle that moves at constant speed. The bounds on its turn rate
+//! can differ from step to step.
 //!
 //! There is no grid and no level set: by Pontryagin's principle the boundary of the set
 //! consists of a few families of explicit paths ([`ReachableSet`], `boundary`).
 //!
 //! By default, a polygon follows the boundary of the set within the requested accuracy, on either side
-//! of it. A [conservative](PolygonSettings::conservative) polygon encloses the set (`outer`). The start
-//! may be uncertain ([`StartSet`]). [`ReachableSet::contains_state`] decides without polygons whether a
-//! full state (position and heading) is reachable (`membership`).
+//! of it. A [conservative](PolygonSettings::conservative) polygon encloses the set (`outer`). The
+//! start can be uncertain ([`StartSet`]). [`ReachableSet::contains_state`] decides without polygons
+//! whether a full state (position and heading) is reachable (`membership`).
 //!
 //! The work per polygon is [limited](PolygonSettings::with_most_work), whatever the bounds, the start
 //! and the number of steps. If the limit is exceeded, the result is a convex polygon around the set
@@ -27,11 +27,11 @@
 //! [margin](Outline::Refined) is 0:
 //! * They consist of extremals if the headings along each of the two outermost paths are within a
 //!   quarter turn of each other (15 steps of 0.2 s at ±0.5 rad/s). It is proven that these extremals
-//!   bound the tube. That they also bound the set after a step is not proven but measured
-//!   (`shared/tests/reach/closeness.rs`, `promises.rs`).
+//!   bound the tube. There is no proof that they also bound the set after a step, but tests measure
+//!   this (`shared/tests/reach/closeness.rs`, `promises.rs`).
 //! * Otherwise, and where the bounds narrowly forbid driving straight, polygons are constructed like
-//!   conservative ones but without the margin. It is proven that they miss no position by more than the
-//!   accuracy. At sharp corners they can stick out by a few times the accuracy.
+//!   conservative ones but without the margin. It is proven that they miss no position by more than
+//!   the accuracy. At sharp corners they can extend beyond the set by a few times the accuracy.
 //!
 //! With large turns per step, many steps or a high accuracy, the work can exceed its limit. The polygon
 //! is then conservative even if this was not requested. Either its margin is above 0, or it is a convex

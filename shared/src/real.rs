@@ -4,8 +4,8 @@ use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
 /// f32 or f64, with the operations that the kernels need. Every operation is a correctly rounded
-/// IEEE operation, and no two are fused. Results are therefore bit-identical for every lane width,
-/// thread count and machine.
+/// IEEE operation, and no two operations are fused. Results are therefore bit-identical for every
+/// lane width, thread count and machine.
 pub trait Real:
     Copy
     + PartialOrd
@@ -31,9 +31,9 @@ pub trait Real:
     /// |self|.
     #[must_use]
     fn abs(self) -> Self;
-    /// Returns the largest power of two ≤ `self`, and its reciprocal, for `self` ≥ 0. Multiplication
-    /// by either number has no rounding error. If either number would be below the smallest normal
-    /// number, 0 takes its place.
+    /// Returns the largest power of two ≤ `self`, and its reciprocal, for `self` ≥ 0.
+    /// Multiplication by either number has no rounding error. A number that would be below the
+    /// smallest normal number is replaced by 0.
     #[must_use]
     fn power_of_two(self) -> [Self; 2];
     /// The larger of the two numbers. This is a plain comparison, which is one instruction in any

@@ -76,7 +76,7 @@ pub struct RecordedTrial {
     /// Attempt number: 1, or 2 if the scene was driven again because its first trial was
     /// interrupted.
     pub attempt: u32,
-    /// Its id, if it has one.
+    /// The id of the trial, if it has one.
     pub trial_id: Option<String>,
     /// The input held in each step.
     pub inputs: Vec<TurnInput>,
@@ -86,7 +86,7 @@ pub struct RecordedTrial {
     pub started_at_ms: Option<f64>,
     /// When each input was sampled (ms after the start), if known.
     pub sampled_at_ms: Option<Vec<f64>>,
-    /// Its flags.
+    /// The flags of the trial.
     pub flags: Vec<Flag>,
 }
 
@@ -197,7 +197,7 @@ impl Exclusion {
 
 impl fmt::Display for Exclusion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // Escaped, because names may contain terminal control sequences.
+        // The name is escaped, because it can contain terminal control sequences.
         write!(f, "participant {}: {}", self.participant.escape_debug(), self.why())?;
         self.first_line.map_or(Ok(()), |line| write!(f, " (their rows begin in line {line})"))
     }

@@ -1,4 +1,4 @@
-//! Stochastic human forward reachable sets (SHFRS): nested sets of positions that the human may
+//! Stochastic human forward reachable sets (SHFRS): nested sets of positions that the human can
 //! reach. They are predicted from the states so far.
 
 pub mod file;

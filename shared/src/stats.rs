@@ -58,7 +58,7 @@ pub fn open_probability(field: &str, value: f64) -> Result<f64, Invalid> {
 /// 10⁵.
 #[must_use]
 pub fn beta_cdf(x: f64, a: f64, b: f64) -> f64 {
-    // Rounding may put the result slightly outside [0, 1].
+    // Rounding can put the result slightly outside [0, 1].
     x.clamp(0.0, 1.0).inc_beta(a, b, a.ln_beta(b)).clamp(0.0, 1.0)
 }
 
@@ -110,8 +110,9 @@ pub fn binomial_at_least(hits: usize, of: usize, probability: f64) -> f64 {
 
 /// The exact confidence interval of a proportion after `hits` in `of` independent trials (Clopper
 /// and Pearson, Biometrika 1934). Its coverage is at least `confidence`, which must be in (0, 1).
-/// The error bounds are the same on both sides. Counts may be fractional, because effective sample
-/// sizes are fractional. `hits` must be from 0 to `of`. Without trials, the interval is [0, 1].
+/// The bound on the probability of error is the same on both sides. Counts can be fractional,
+/// because effective sample sizes are fractional. `hits` must be from 0 to `of`. Without trials,
+/// the interval is [0, 1].
 #[must_use]
 pub fn clopper_pearson(hits: f64, of: f64, confidence: f64) -> (f64, f64) {
     let tail = 0.5 * (1.0 - confidence);
@@ -131,7 +132,7 @@ pub fn clopper_pearson(hits: f64, of: f64, confidence: f64) -> (f64, f64) {
 /// Korn and Graubard (Survey Methodology 24, 1998) give a narrower interval, which estimates the
 /// agreement between windows from the variance between trajectories. It fails if a few trajectories
 /// miss in all their windows and the others almost never miss, because samples contain too few of
-/// these few trajectories. In simulations, its coverage was 0.75 instead of 0.90 with 30
+/// the trajectories that miss. In simulations, its coverage was 0.75 instead of 0.90 with 30
 /// trajectories, and still only 0.87 with 300. The interval of this function had its nominal
 /// coverage in all simulations. However, it is wider than necessary if the windows of a trajectory
 /// hardly agree.
@@ -164,13 +165,13 @@ pub fn share(tallies: &[Tally], confidence: f64) -> Result<Estimate, Invalid> {
 ///
 /// Without these two halves, the interval would be too short if nearly all people have the same
 /// small share. Coverage was simulated for 5 to 50 people with 10 or 50 tasks each, for mean shares
-/// of 0.03 to 0.5, and for similar and different people. The coverage of Student's 95 % interval
-/// was 84 to 94 % on average and 50 % at worst. The coverage of the bootstrap was 76 to 93 % on
-/// average and 48 % at worst. The coverage of Korn and Graubard's interval with their degrees of
-/// freedom was 95 to 97 % on average and 73 % at worst. The interval of this function covered in at
-/// least 95 % in each case, and it is a fifth to a half shorter than the interval of [`share`]. If
-/// all shares are 0 or 1, and seldom 1, its coverage is lower: 91 % with a mean of 0.1 and 24
-/// people.
+/// of 0.03 to 0.5, and for people with similar and with different shares. The coverage of Student's
+/// 95 % interval was 84 to 94 % on average and 50 % at worst. The coverage of the bootstrap was 76
+/// to 93 % on average and 48 % at worst. The coverage of Korn and Graubard's interval with their
+/// degrees of freedom was 95 to 97 % on average and 73 % at worst. The coverage of this function's
+/// interval was at least 95 % in each case. The interval is a fifth to a half shorter than the
+/// interval of [`share`]. If all shares are 0 or 1, and few are 1, its coverage is lower: 91 % with
+/// a mean of 0.1 and 24 people.
 ///
 /// Without people, the share is unknown: the value is 0 and the interval is [0, 1].
 ///
@@ -306,7 +307,7 @@ mod tests {
         assert!(beta_quantile(5e-324, 3.0, 3.0) < 1e-100);
     }
 
-    /// Compares the tail probabilities with sums, and checks the ends.
+    /// Compares the tail probabilities with sums of binomial probabilities, and checks both ends.
     #[test]
     fn binomial_tails_are_sums() {
         for (n, p) in [(1, 0.3), (12, 0.75), (40, 0.9), (100, 0.05)] {

@@ -2,11 +2,11 @@
 //! models, for testing software.
 //!
 //! This is version 1 of the participant model of the project's learning reference. A delayed, noisy
-//! leaky accumulator (after Markkula 2014) integrates three drives from studies of walking people:
-//! minimum predicted distance (Olivier et al. 2012), constancy of bearing (Cutting, Vishton and
-//! Braren 1995; Ondřej et al. 2010) and a repeller of distance and angle (Fajen and Warren 2003).
-//! The model does not use safety levels. Each person's parameters are a modelling choice, not a
-//! measurement, so results on synthetic trials say nothing about people.
+//! leaky accumulator (after Markkula 2014) integrates three input signals from studies of walking
+//! people: minimum predicted distance (Olivier et al. 2012), constancy of bearing (Cutting, Vishton
+//! and Braren 1995; Ondřej et al. 2010) and a repeller of distance and angle (Fajen and Warren
+//! 2003). The model does not use safety levels. Each person's parameters are a modelling choice,
+//! not a measurement, so results on synthetic trials say nothing about people.
 
 mod stream;
 mod person;
@@ -82,8 +82,9 @@ impl SyntheticParticipant {
         Self { seed, number, person: Person::draw(&mut Stream::of_person(seed, number)) }
     }
 
-    /// Draws the scene of trial `trial` (from 0) of the paper's study as the reference does, and
-    /// drives it. With [`Keys::Free`] and seed 20180918, the result is the reference's drive.
+    /// Draws the scene of trial `trial` (from 0) of the paper's study in the same way as the
+    /// reference, and simulates this person's drive. With [`Keys::Free`] and seed 20180918, the
+    /// result is the reference's drive.
     #[must_use]
     pub fn own_trial(&self, trial: u64, keys: Keys) -> (Scene, SyntheticDrive) {
         let parameters = SceneParameters::default();
@@ -179,8 +180,8 @@ impl SyntheticParticipant {
                 };
             }
             if keys == Keys::Clock {
-                // Advances the whole step at once, because the sum of its ticks may differ from
-                // `step_s` in the last digit.
+                // Advances over the whole step in one call, because the sum of its ticks can differ
+                // from `step_s` in the last digit.
                 state = begin.advance(parameters, held, parameters.step_s);
             }
             drive.inputs.push(held);

@@ -137,7 +137,7 @@ pub fn outcome(
     // enter the danger zone.
     let within = || states.iter().zip(inputs);
     let far_m = if cfg!(target_arch = "wasm32") {
-        // The client computes few outcomes, and code size matters more there.
+        // The client computes few outcomes, so small code is more important than speed.
         f64::INFINITY
     } else {
         let least_m = within().map(|(state, _)| state.distance_m()).fold(start_m, f64::min);
@@ -200,8 +200,8 @@ pub struct PageEvent {
 }
 
 /// The flags from the page's record of a trial. `exposures` is the number of times that the scene
-/// was shown, including this time; `frame_gap_median_ms` is the median time between frames, if
-/// known.
+/// was shown, including the recorded showing; `frame_gap_median_ms` is the median time between
+/// frames, if known.
 #[must_use]
 pub fn page_flags(
     parameters: &SceneParameters,

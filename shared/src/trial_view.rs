@@ -169,7 +169,7 @@ impl Playback {
     }
 
     /// Updates the recording of a trial that is still being driven. `inputs` and `states` contain
-    /// everything so far. The last step that was recorded before may have changed.
+    /// the whole drive so far. They can correct the step that was recorded last.
     ///
     /// # Errors
     /// [`Invalid`] unless there is exactly one more state than inputs, and the errors of
@@ -210,7 +210,7 @@ impl Playback {
         }
     }
 
-    /// The empirical sets, if they are the method.
+    /// The empirical sets, if they are the prediction method.
     #[must_use]
     pub fn empirical(&self) -> Option<&EmpiricalSets> {
         match &self.method {
@@ -312,14 +312,15 @@ impl Playback {
         }
     }
 
-    /// Computes the missing safety levels of states.
+    /// Computes the safety levels of the states that do not have them yet.
     fn measure(&mut self) {
         let Some(safety) = &self.safety else { return };
         let level = |s: &JointState| [safety.human_level(s), safety.robot_level(s)];
         self.levels.extend(self.recorded.states[self.levels.len()..].iter().map(level));
     }
 
-    /// Computes the missing probabilities of steps. If that fails, prediction is turned off.
+    /// Computes the probabilities of the steps that do not have them yet. If that fails, prediction
+    /// is turned off.
     fn foresee(&mut self) -> Result<(), Invalid> {
         let foreseen = self.forecast_on();
         foreseen.inspect_err(|_| self.method = None)
@@ -345,7 +346,7 @@ impl Playback {
     /// Moves to the view's time and computes the predictions that the view shows.
     ///
     /// # Errors
-    /// The errors of [`ShfrsPredictor::predict`]. Nothing is predicted then.
+    /// The errors of [`ShfrsPredictor::predict`]. After an error, nothing is predicted.
     pub fn go(&mut self, view: &View) -> Result<(), Invalid> {
         let Recorded { parameters, inputs, states, .. } = &self.recorded;
         let time_s = view.time_s.clamp(0.0, self.duration_s());
@@ -382,8 +383,8 @@ impl Playback {
         Ok(())
     }
 
-    /// Discards the predicted sets of this moment, for example while the prediction's settings are
-    /// invalid.
+    /// Hides the sets that a learned function predicts at this moment, for example while the
+    /// prediction's settings are invalid.
     pub fn hide_sets(&mut self) {
         self.probabilities = None;
     }
@@ -415,8 +416,8 @@ impl Playback {
         items
     }
 
-    /// Number of steps that the predictions look ahead. If there are no predictions, the paper's
-    /// number.
+    /// Number of steps that the predictions look ahead. Without a prediction method, it is the
+    /// paper's number.
     #[must_use]
     pub fn steps_ahead(&self) -> usize {
         match &self.method {
@@ -467,7 +468,7 @@ fn probabilities(
     [TurnInput::Left, TurnInput::Straight, TurnInput::Right].map(of)
 }
 
-/// Number of steps ahead in the paper.
+/// Number of steps that the paper's predictions look ahead.
 const USUAL_STEPS: usize = 10;
 
 /// Maximum number of classes of a predictor of turns: one class per direction.

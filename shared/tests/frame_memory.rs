@@ -84,9 +84,9 @@ fn main() {
     }
 }
 
-/// First shows every frame of the trial twice, because the rear envelope swaps two lists and each
-/// list must see the largest frame. After that, showing all frames again, forward and backward as
-/// with a slider, allocates nothing.
+/// First shows every frame of the trial twice, because the rear envelope swaps two lists, and each
+/// list must grow to the size of the largest frame. After that, it shows all frames again, forward
+/// and backward as a user does with a slider. This must allocate nothing.
 fn silent(mut frame: impl FnMut(usize)) {
     (1..=51).chain(1..=51).for_each(&mut frame);
     MEMORY.reset_peak_usage();

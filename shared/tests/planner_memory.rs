@@ -53,7 +53,8 @@ fn main() {
     for step in 0..200_usize {
         state = state.advance(&parameters, TurnInput::ALL[step / 5 % 3], 0.2);
         if step % 40 == 0 {
-            // Human and robot meet again. This is also a jump.
+            // Put the human ahead of the robot, so that they meet again. For the predictor, this is
+            // a jump.
             let ahead = dubins::arc(state.robot, 2.0, 0.03, 3.0);
             state.human = Pose::new(ahead.x, ahead.y, ahead.psi + 3.0);
         }

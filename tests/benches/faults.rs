@@ -52,7 +52,8 @@ enum Kind {
     Postgres,
 }
 
-/// Configurations whose servers are killed: name, database, and number of servers that run at once.
+/// Configurations whose servers are killed: name, database, and number of servers that run at the
+/// same time.
 const SUBJECTS: &[(&str, Kind, usize)] = &[
     ("sqlite", Kind::Sqlite, 1),
     ("postgres, 1 server", Kind::Postgres, 1),
@@ -78,7 +79,7 @@ async fn main() -> ExitCode {
 
 /// Kills servers, and returns the number of broken promises.
 async fn kills(options: &Options, kind: Kind, servers: usize) -> usize {
-    // The folder must be on a disk, because the folder for temporary files may be in memory.
+    // The folder must be on a disk, because the folder for temporary files can be in memory.
     let folder = Folder::within(env!("CARGO_TARGET_TMPDIR"));
     let cluster = matches!(kind, Kind::Postgres).then(|| Cluster::start(Fsync::On));
     let database = match &cluster {

@@ -163,7 +163,7 @@ async fn on_server<T>(
 }
 
 /// Creates a database in the PostgreSQL cluster that `SIDESTEP_TEST_POSTGRES` names, and returns
-/// its address. The variable contains an address with DATABASE in place of the database name.
+/// its address. The variable contains an address with DATABASE instead of the database name.
 /// Returns `None` if it is not set.
 ///
 /// # Panics

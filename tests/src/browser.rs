@@ -41,8 +41,8 @@ pub struct Browser {
     profile: TempDir,
 }
 
-/// How long a page may stay unchanged while a test waits for a change. This is far longer than any
-/// page needs, so a test that waits this long has failed.
+/// A test that waits for a change fails if the page stays unchanged for this long. This is far
+/// longer than any page needs.
 const PATIENCE: Duration = Duration::from_secs(90);
 
 /// Timeout for the start of the browser and for its commands, such as loading a page.
@@ -210,7 +210,7 @@ impl Browser {
 
     /// Ends the browser and waits until its process has ended.
     pub async fn close(mut self) {
-        // The browser may have ended already.
+        // The browser might have ended already.
         let _ = self.browser.close().await;
         let _ = self.browser.wait().await;
         self.events.abort();
@@ -228,7 +228,7 @@ pub enum Mouse {
     Drag,
     /// Releases the left button.
     Release,
-    /// Turns the wheel by this many pixels, towards the user if positive.
+    /// Rolls the mouse wheel by this many pixels, towards the user if positive.
     Roll(f64),
 }
 
@@ -293,7 +293,7 @@ impl Tab {
         self.page.execute(GetHeapUsageParams::default()).await.expect("the usage").used_size
     }
 
-    /// Closes the tab at once, without confirmation.
+    /// Closes the tab immediately, without confirmation.
     ///
     /// # Panics
     /// If it cannot be closed.
@@ -523,7 +523,7 @@ impl Tab {
     /// If it does not paint.
     pub async fn until_painted(&self) {
         // The second frame begins when the first is done, and by then all running animations are
-        // known. Animations of hidden elements, for example in closed details, may never end, so
+        // known. Animations of hidden elements, for example in closed details, might never end, so
         // they are excluded.
         let painted = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => \
                        Promise.allSettled(document.getAnimations() \

@@ -1,4 +1,4 @@
-//! A participant: enrols, drives, uploads.
+//! A simulated participant, who enrols, drives and uploads trials.
 
 use crate::{Address, Answer};
 use reqwest::{Method, RequestBuilder};

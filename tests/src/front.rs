@@ -173,7 +173,7 @@ pub fn free_port() -> u16 {
     listener.local_addr().expect("its address").port()
 }
 
-/// The path of a server program. Checks `/usr/sbin`, which may not be on the PATH.
+/// The path of a server program. Checks `/usr/sbin`, which might not be on the PATH.
 fn program(name: &str) -> PathBuf {
     let installed = Path::new("/usr/sbin").join(name);
     if installed.is_file() { installed } else { name.into() }

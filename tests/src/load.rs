@@ -1,4 +1,5 @@
-//! Simulates many people who take part at once, in one thread, and then checks the database.
+//! Simulates many people who take part at the same time, in one thread, and then checks the
+//! database.
 //!
 //! A [`Crowd`] enrols, uploads at full speed or at a fixed rate, reloads, retries, vanishes and
 //! withdraws. Afterwards, its [ledger](ledger::compare) compares every acknowledged trial with the

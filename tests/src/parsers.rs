@@ -1,6 +1,6 @@
 //! All parsers of external input, as functions of arbitrary bytes. A fuzzer (`cargo xtask fuzz`)
-//! calls them, and so does the test on all stored inputs. A parser may reject its input, but it
-//! must not panic, hang, or fail to read back its own output.
+//! calls them, and so does the test on all stored inputs. A parser is allowed to reject its input,
+//! but it must not panic, hang, or fail to read back its own output.
 
 use crate::Folder;
 use clap::Args;

@@ -35,7 +35,7 @@ pub enum Fsync {
 pub enum Stop {
     /// Ends all sessions, rolls back their transactions, and writes all data to the files.
     Fast,
-    /// The processes exit at once without writing. The next start recovers the data.
+    /// The processes exit immediately without writing. The next start recovers the data.
     Immediate,
     /// Kills the server (SIGKILL), as in a power cut. The next start recovers the data.
     Kill,
@@ -194,8 +194,8 @@ impl Cluster {
     pub fn start_again(&mut self) {
         assert!(self.running.is_none(), "it runs");
         let end = Instant::now() + PATIENCE;
-        // Processes of a killed server may still be exiting, and until they have exited a new
-        // server refuses to start.
+        // Processes of a killed server might still be exiting. Until they have exited, a new server
+        // refuses to start.
         while !self.try_start() {
             assert!(Instant::now() < end, "PostgreSQL does not start: {}", self.log());
             std::thread::sleep(Duration::from_millis(20));

@@ -49,8 +49,8 @@ pub struct Recording {
 pub enum Disk {
     /// The disk answers when everything is written.
     Honest,
-    /// For SQLite's write-ahead log, the disk answers at once without writing. This is the negative
-    /// control.
+    /// For SQLite's write-ahead log, the disk answers immediately without writing. This is the
+    /// negative control.
     Lying,
 }
 

@@ -74,7 +74,7 @@ impl Said {
     }
 
     /// Checks that the command exited with this code, printed no result, and reported an error in
-    /// one line that contains all these words. (Errors about flags may have more lines.)
+    /// one line that contains all these words. (Errors about flags can have more lines.)
     ///
     /// # Panics
     /// If it did not.
@@ -162,8 +162,8 @@ impl Process {
         Self::start_through(&["env"], folder, &folder.database("sidestep.db")).await
     }
 
-    /// Like [`Self::start`], but with another database, and launched by another program, which runs
-    /// its arguments as a command.
+    /// Like [`Self::start`], but with another database. `launcher` is the program that starts the
+    /// server, by running its arguments as a command.
     ///
     /// # Panics
     /// If it does not become ready.

@@ -58,7 +58,7 @@ fn cell(row: &SqliteRow, at: usize) -> sqlx::Result<Cell> {
     if value.is_null() {
         return Ok(Cell::Null);
     }
-    // The type of the value itself, which may differ from the declared type of the column.
+    // The type of the value itself, which can differ from the declared type of the column.
     Ok(match value.type_info().name() {
         "INTEGER" => Cell::Integer(row.try_get(at)?),
         "REAL" => Cell::Real(row.try_get(at)?),

@@ -265,7 +265,7 @@ fn commands(document: &str) -> Vec<&str> {
 
 #[test]
 fn commands_of_the_readme_exist() {
-    // A command may continue on the next line.
+    // A command can continue on the next line.
     let readme = read("README.md").replace("\\\n", " ");
     let lines = commands(&readme);
     assert!(lines.contains(&"cargo xtask serve"));

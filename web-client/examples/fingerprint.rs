@@ -1,5 +1,5 @@
-//! Fingerprints of learning, natively or as WebAssembly: a JSON list of `[stage, SHA-256]`.
-//! `tests/tests/webassembly.rs` compares both.
+//! Computes fingerprints of the library's learning, natively or as WebAssembly, and returns them as
+//! a JSON list of `[stage, SHA-256]`. `tests/tests/webassembly.rs` compares the two lists.
 
 mod answer;
 

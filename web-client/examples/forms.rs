@@ -108,7 +108,7 @@ impl Page for Forms {
     }
 }
 
-/// Numbers that change in a JSON round trip. Should be empty.
+/// Returns the numbers that change in a JSON round trip. There should be none.
 fn lost_numbers() -> Vec<f64> {
     let mut rng = SeededRng::new(1);
     let random = (0..20_000).map(|_| f64::from_bits((rng.unit() * 1.8e19) as u64));

@@ -111,8 +111,8 @@ fn load_simulator<P: Page>(shell: &Shell<P>) {
     }
 }
 
-/// Shows a message after a panic. Only the document can be trusted then, so the message is written
-/// there directly.
+/// Shows a message after a panic. After a panic, only the document can be trusted, so the message
+/// is written directly into the document.
 fn show_crash() {
     if let Some((_, _, root)) = place() {
         root.set_text_content(Some(
@@ -121,7 +121,7 @@ fn show_crash() {
     }
 }
 
-/// Calls a method that the browser may refuse, and ignores the outcome.
+/// Calls a method that the browser might refuse, and ignores the outcome.
 fn wish(object: &JsValue, method: &str) {
     let method = Reflect::get(object, &method.into()).unwrap_or_default();
     let promise = method.dyn_ref::<Function>().and_then(|method| method.call0(object).ok());
@@ -181,7 +181,7 @@ struct Extra {
 /// A request, timer, solve or other work in progress.
 struct Underway {
     name: &'static str,
-    /// Distinguishes this work from other work of the same name, because cancelled work may still
+    /// Distinguishes this work from other work of the same name, because cancelled work can still
     /// report.
     number: u32,
     /// Dropping this value cancels the work.
@@ -404,7 +404,7 @@ impl<P: Page + 'static> Pump<P> {
         self.request_frame();
     }
 
-    /// Lets the page do the work that is due at `now_ms`.
+    /// Makes the page do the work that is due at `now_ms`.
     fn tick(&self, now_ms: f64) {
         let message = self.shell.borrow_mut().page.tick(now_ms);
         match message {
@@ -437,7 +437,7 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    /// Handles the browser's timer, which may fire slightly early because its clock has a limited
+    /// Handles the browser's timer, which can fire slightly early because its clock has a limited
     /// resolution.
     fn ring(&self) {
         let now_ms = {

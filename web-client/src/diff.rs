@@ -209,7 +209,7 @@ mod tests {
         let (second, _) = document.show(rows(&["d", "a", "x", "c"]));
         assert_eq!([second[0], second[1], second[3]], [first[3], first[0], first[2]]);
         assert!(!first.contains(&second[2]));
-        // Inserting and removing rows before others does not edit the others.
+        // Inserting or removing a row does not edit the rows after it.
         let (third, edits) = document.show(rows(&["new", "d", "a", "x", "c"]));
         assert_eq!((&third[1..], edits), (&second[..], 1));
         assert_eq!(document.show(rows(&["d", "a", "x", "c"])), (second, 1));

@@ -30,7 +30,7 @@ pub enum Does {
     Hover,
     /// A button or finger goes down.
     Press,
-    /// The pointer moves while a button or finger is down. It may leave the element.
+    /// The pointer moves while a button or finger is down. It can leave the element.
     Drag,
     /// The wheel turns by this many pixels. A positive number scrolls down.
     Roll(f32),

@@ -2,7 +2,7 @@
 //!
 //! A page is a [`Page`](runtime::Page): it takes messages of its own type, returns commands, and
 //! describes its view ([`view`], [`sidestep::picture`]). [`diff`] computes the document's edits
-//! between two views. Only [`browser`] uses the browser's API, so tests can drive every page
+//! between two views. Only [`browser`] uses the browser's API, so tests can operate every page
 //! natively.
 
 pub mod form;

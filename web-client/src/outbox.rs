@@ -245,7 +245,8 @@ impl Outbox {
         self.waiting.iter().any(|waiting| waiting.trial_id == trial_id)
     }
 
-    /// Whether this browser has stored every trial in the queue, so that the page may be closed.
+    /// Whether this browser has stored every trial in the queue, so that the page can be closed
+    /// safely.
     #[must_use]
     pub fn is_safe(&self) -> bool {
         self.waiting.iter().all(|waiting| waiting.kept == Some(true))
@@ -318,7 +319,7 @@ mod tests {
             sends
         }
 
-        /// Lets the server refuse the upload. Returns the outcome.
+        /// Makes the server refuse the upload. Returns the outcome.
         fn refuse(&mut self, status: u16, code: &str) -> Option<UploadOutcome> {
             let body = format!(r#"{{"code":"{code}","message":"because"}}"#);
             self.answer("upload", status, body.as_bytes());

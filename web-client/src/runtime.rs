@@ -41,7 +41,7 @@ pub trait Page {
         false
     }
 
-    /// Whether the page may show a second picture. If not, [`Page::draw_beside`] is never called.
+    /// Whether the page can show a second picture. If not, [`Page::draw_beside`] is never called.
     #[must_use]
     fn has_panes() -> bool
     where
@@ -228,8 +228,8 @@ pub struct Solid<M> {
     /// Creates the message about whether the browser can draw the solid. False means that it cannot
     /// draw solids at all or that the graphics context is lost. True means that it can draw again.
     pub then: Rc<dyn Fn(bool) -> M>,
-    /// Creates the message after the first drawing of a mesh from the duration of a frame while the
-    /// solid turns (ms).
+    /// Creates the message about the duration of a frame while the solid rotates (ms). The message
+    /// is sent after a mesh is drawn for the first time.
     pub drawn: Rc<dyn Fn(f64) -> M>,
 }
 
@@ -253,7 +253,7 @@ pub struct PageContext {
     pub address: Address,
     /// Records that pages of this origin have stored in this browser, by name.
     pub kept: Vec<(String, String)>,
-    /// Why this browser cannot store records, if it cannot.
+    /// The reason why this browser cannot store records, if it cannot.
     pub not_kept: Option<NotKept>,
     /// The user's languages, such as `en-GB`, in order of preference.
     pub languages: Vec<String>,

@@ -33,7 +33,7 @@ pub(crate) struct Session<P: Page> {
     pub(crate) now_ms: f64,
     /// The texts that the browser has stored, by name.
     pub(crate) kept: BTreeMap<String, String>,
-    /// Why the browser refuses to store more texts.
+    /// The reason why the browser refuses to store more texts.
     pub(crate) refuses: Option<NotKept>,
     /// Requests without an answer so far.
     pub(crate) asked: Vec<Request<P::Msg>>,
@@ -47,7 +47,7 @@ pub(crate) struct Session<P: Page> {
     pub(crate) following: Vec<(&'static str, Changed<P::Msg>)>,
     /// The addresses that the page has shown without leaving the document.
     pub(crate) visited: Vec<String>,
-    /// The address for which the page has left.
+    /// The address to which the page has navigated, if it has left the document.
     pub(crate) left: Option<String>,
     /// The names that this tab has claimed.
     pub(crate) claims: Vec<String>,
@@ -230,12 +230,12 @@ impl<P: Page> Session<P> {
         self.tell((request.then)(answer));
     }
 
-    /// Lets the server answer the request with this name.
+    /// Makes the server answer the request with this name.
     pub(crate) fn answer(&mut self, name: &str, status: u16, body: &[u8]) {
         self.reply(name, answer(status, body.to_vec()));
     }
 
-    /// Lets the server answer the request with a value as JSON.
+    /// Makes the server answer the request with a value as JSON.
     pub(crate) fn send(&mut self, name: &str, status: u16, body: &impl serde::Serialize) {
         self.answer(name, status, &serde_json::to_vec(body).unwrap());
     }
@@ -251,7 +251,7 @@ impl<P: Page> Session<P> {
         self.tell(message);
     }
 
-    /// Lets the solver with this name report.
+    /// Delivers a report of the solver with this name.
     pub(crate) fn solver(&mut self, name: &str, solving: Solving) {
         let at = self.solving.iter().position(|(other, ..)| *other == name).expect("a solve");
         let message = (self.solving[at].2)(solving.clone());
@@ -261,7 +261,7 @@ impl<P: Page> Session<P> {
         self.tell(message);
     }
 
-    /// Lets the server report a change.
+    /// Simulates a change on the server: delivers the message of every subscription.
     pub(crate) fn changed(&mut self) {
         let messages: Vec<_> = self.following.iter().map(|(_, then)| then()).collect();
         for message in messages {

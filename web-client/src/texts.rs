@@ -38,7 +38,7 @@ impl<'a> From<&'a String> for Fill<'a> {
     }
 }
 
-/// Access to sentences.
+/// Looks up the sentences of a page and fills their placeholders.
 ///
 /// A sentence has placeholders such as `{scenes}`. A sentence that depends on a number has one key
 /// for each plural form of the language, such as `ready.left.one` and `ready.left.other` (the

@@ -53,7 +53,7 @@ pub struct Inside<M> {
 /// A child of an element.
 #[derive(Clone)]
 pub enum Child<M> {
-    /// Another element.
+    /// An element.
     Node(Node<M>),
     /// Text.
     Text(String),
@@ -135,7 +135,7 @@ impl<M> Node<M> {
         self
     }
 
-    /// Makes the element take the keyboard focus when it appears. Used for headings, so that screen
+    /// Makes the element take the keyboard focus when it appears. Used for titles, so that screen
     /// readers start there on a new page.
     #[must_use]
     pub fn focus(mut self) -> Self {
@@ -333,7 +333,7 @@ impl<M: Clone> Node<M> {
 }
 
 /// Follows `path`, a list of child indices that starts in `children`, and finds the innermost
-/// handler that satisfies `hears`. Also returns how many steps of the path lead to the handler.
+/// handler that satisfies `hears`. Also returns how many indices of the path lead to the handler.
 #[must_use]
 pub fn handler_along<'a, M>(
     children: &'a [Child<M>],

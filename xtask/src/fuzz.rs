@@ -33,7 +33,8 @@ pub(crate) struct Options {
     keep: bool,
 }
 
-/// Compiler flags that let libFuzzer see which branches and comparisons an input reaches.
+/// Compiler flags that make the branches and comparisons that an input reaches visible to
+/// libFuzzer.
 const FLAGS: &str = "-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
                      -Cllvm-args=-sanitizer-coverage-inline-8bit-counters \
                      -Cllvm-args=-sanitizer-coverage-pc-table \
@@ -110,7 +111,7 @@ fn search(
     for (hash, bytes) in &kept {
         fs::write(corpus.join(hash), bytes)?;
     }
-    // Retry the inputs that failed in an earlier search, because the bugs may be fixed by now.
+    // Retry the inputs that failed in an earlier search, because the bugs might be fixed by now.
     for (hash, bytes) in read_folder(&found)? {
         fs::write(corpus.join(hash), bytes)?;
     }

@@ -27,7 +27,8 @@ pub(crate) fn environment(
 fn prepared(workspace: &Workspace, requirements: &str, name: &str) -> Result<PathBuf> {
     let requirements = workspace.path("tests/peers").join(requirements);
     let folder = workspace.output("peers").join(name);
-    // This copy is written after the installation, so that an incomplete environment is never used.
+    // This copy of the requirements is written after the installation, so that an incomplete
+    // environment is never used.
     let installed = folder.join("requirements.txt");
     let program = if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" };
     let interpreter = folder.join(program);

@@ -56,8 +56,8 @@ const WITHOUT_DATABASE: [&str; 8] = [
 /// unchanged.
 pub(crate) const VARIABLE: &str = "SIDESTEP_CHROMIUM";
 
-/// Commands that start Chromium, in order of preference. Chromium's headless shell takes a quarter less time, but
-/// keeps no page that the user leaves (back/forward cache), as browsers do.
+/// Commands that start Chromium, in order of preference. Chromium's headless shell takes a quarter
+/// less time. It is not in the list, because it has no back/forward cache, which browsers have.
 const COMMANDS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
 /// Debian's packages for Chromium.
@@ -174,8 +174,8 @@ fn whole(
     lanes::run(waiting, computing, &workspace.output("tests"))
 }
 
-/// Minimum number of tests with servers and browsers that run at once. It applies even with few processors,
-/// because these tests mostly wait for scenes, for each other and for disks.
+/// Minimum number of tests with servers and browsers that run at the same time. It applies even
+/// with few processors, because these tests mostly wait for scenes, for each other and for disks.
 const AT_ONCE: usize = 4;
 
 /// Installs the Python package into an environment and runs its tests, which also run the server.
@@ -318,7 +318,7 @@ fn how_to_install_python() -> String {
     )
 }
 
-/// Instructions for installing Chromium, for users for whom this command cannot do it.
+/// Instructions for installing Chromium, if this command cannot install it.
 fn how_to_install() -> String {
     format!(
         "Chromium is needed: install it (Debian, Ubuntu: apt-get install {}) or set {VARIABLE} to \
@@ -327,7 +327,7 @@ fn how_to_install() -> String {
     )
 }
 
-/// Whether this user is root and may install packages without a prompt.
+/// Whether this user is root and can install packages without a prompt.
 fn is_root() -> bool {
     Command::new("id").arg("-u").output().is_ok_and(|output| output.stdout.trim_ascii() == b"0")
 }

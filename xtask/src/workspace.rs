@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 
 /// The folder of the client's builds in cargo's output folder. Cargo locks its output folder, so a
-/// separate one allows compiling the client in parallel with other code.
+/// separate folder allows compiling the client in parallel with other code.
 const CLIENT: &str = "client";
 
 /// The target triple for browsers.
@@ -28,7 +28,7 @@ pub(crate) enum Runs {
 pub(crate) struct Workspace {
     /// The folder of the workspace's `Cargo.toml`.
     root: PathBuf,
-    /// Cargo's output folder, which the environment or cargo's configuration may set.
+    /// Cargo's output folder, which the environment or cargo's configuration can set.
     target: PathBuf,
 }
 
@@ -171,8 +171,8 @@ impl Workspace {
     }
 }
 
-/// Settings that remove the paths of this machine from the client's panic messages. The client becomes
-/// smaller, and the same on every build machine.
+/// Settings that remove the paths of this machine from the client's panic messages. This makes the
+/// client smaller, and identical on every build machine.
 fn without_paths(root: &Path) -> String {
     let home = || env::home_dir().unwrap_or_default().join(".cargo");
     let sources = env::var_os("CARGO_HOME").map_or_else(home, PathBuf::from).join("registry/src");
@@ -184,9 +184,9 @@ fn without_paths(root: &Path) -> String {
 fn cargo_in(folder: &Path) -> Command {
     let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(folder);
-    // Remove cargo's variables about the package `xtask`. Some build scripts depend on such variables, so
-    // cargo would recompile these scripts and their dependents whenever direct calls of cargo and calls from
-    // here alternate.
+    // Remove cargo's variables about the package `xtask`. Some build scripts depend on such
+    // variables. Cargo would recompile these scripts and their dependents whenever a direct call of
+    // cargo follows a call from this program, or the reverse.
     for (name, _) in env::vars_os() {
         let text = name.to_string_lossy();
         if text.starts_with("CARGO_PKG_") || text.starts_with("CARGO_MANIFEST_") {
@@ -203,7 +203,7 @@ const SHOW: Duration = Duration::from_secs(30);
 /// Runs both closures in parallel, because one compilation leaves one of two cores idle for much of the time.
 ///
 /// # Errors
-/// The error of `one`, which is also printed at once, or else the error of `other`.
+/// The error of `one`, which is also printed immediately, or else the error of `other`.
 pub(crate) fn both<A, B: Send>(
     one: impl FnOnce() -> Result<A>,
     other: impl FnOnce() -> Result<B> + Send,

@@ -54,7 +54,7 @@ pub(crate) struct Asked {
     pub(super) threads: usize,
 }
 
-/// The optimal inputs of both players, row by row, each with the length of a row.
+/// For each player: the optimal inputs, row by row, and the length of a row.
 pub(crate) type OptimalInputs = [(Vec<f64>, usize); 2];
 
 pub(crate) struct OnGrid<const D: usize> {

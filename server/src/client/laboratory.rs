@@ -13,14 +13,14 @@ use sidestep::api::{
 use sidestep::comparison::Request;
 use sidestep::study::Status;
 
-/// The laboratory, accessed with an experimenter's key.
+/// A client for the laboratory that sends an experimenter's key.
 #[derive(Clone, Debug)]
 pub struct Laboratory {
     client: Client,
     key: String,
 }
 
-/// Appends a query, such as `limit=500&offset=500`, to a route. The server's OpenAPI document has
+/// Appends a query, such as `limit=500&offset=500`, to a route. The server's OpenAPI document lists
 /// the parameters of each route.
 fn with(route: &str, query: &str) -> String {
     if query.is_empty() { route.to_owned() } else { format!("{route}?{query}") }

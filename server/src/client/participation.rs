@@ -56,7 +56,7 @@ impl Participation {
     /// Stores a trial. The request is idempotent.
     ///
     /// # Errors
-    /// [`ClientError`]; `different_content` or `out_of_order` if it cannot be stored now.
+    /// [`ClientError`]; `different_content` or `out_of_order` if the trial cannot be stored now.
     pub async fn store<V: Serialize>(
         &self,
         trial_id: &str,
@@ -84,7 +84,7 @@ impl Participation {
         self.client.ask("the completion", post).await
     }
 
-    /// Withdraws the participant. With `delete`, all their data are deleted.
+    /// Withdraws the participant. If `delete` is true, the server deletes all their data.
     ///
     /// # Errors
     /// [`ClientError`].

@@ -45,8 +45,8 @@ fn hours(text: &str) -> Result<f64, String> {
 }
 
 impl AnalysisArgs {
-    /// The settings for starting child processes. With `all`, the default number of threads is the
-    /// number of processors.
+    /// The settings for starting child processes. If `all` is true, the default number of threads
+    /// is the number of processors; otherwise it is one less.
     #[must_use]
     pub fn children(&self, all: bool) -> Children {
         let processors = std::thread::available_parallelism().map_or(1, usize::from);

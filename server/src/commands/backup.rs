@@ -114,8 +114,8 @@ pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
     print_json(&new_database(&args.database, fill).await?)
 }
 
-/// Refuses a database address in place of a file. The error does not repeat the address, which may
-/// contain a password.
+/// Refuses a database address where a file is expected. The error does not repeat the address,
+/// because it might contain a password.
 pub(super) fn no_address(flag: &str, file: &Path) -> Result<(), CommandError> {
     let text = file.to_string_lossy();
     if text.contains("://") || text.starts_with("sqlite:") {
@@ -146,8 +146,8 @@ pub(super) async fn absent(database: &str) -> Result<(), CommandError> {
     }
 }
 
-/// Creates a database at an address that has none. `fill` gets a private folder for temporary files
-/// and the address of the database to fill.
+/// Creates a database at an address where none exists. `fill` gets a private folder for temporary
+/// files, and the address of the database to fill.
 pub(super) async fn new_database<T>(
     database: &str,
     fill: impl AsyncFnOnce(&Path, &str) -> Result<T, CommandError>,
@@ -166,7 +166,7 @@ pub(super) async fn new_database<T>(
     let made = folder.path().join("restored.db");
     let url = format!("sqlite:{}", made.display());
     let done = fill(folder.path(), &url).await?;
-    // An empty file counts as no database.
+    // An empty file counts as an absent database, so the new database replaces it.
     if file.metadata().is_ok_and(|found| found.len() == 0) {
         fs::remove_file(&file).map_err(unwritable)?;
     }
@@ -178,9 +178,9 @@ pub(super) async fn new_database<T>(
     Ok(done)
 }
 
-/// Fills a new database from the backup, compares the two, and returns the report on their content.
-/// The backup is first copied to `folder`, because migrating a backup of an earlier version must
-/// not change the original.
+/// Fills a new database from the backup, compares the reports on the two databases, and returns the
+/// report. The backup is first copied to `folder`, because migrating a backup of an earlier version
+/// must not change the original.
 async fn fill(
     args: &RestoreArgs,
     folder: &Path,
@@ -230,7 +230,8 @@ async fn fill(
         Ok(_) => "the restored database differs from the backup".to_owned(),
         Err(error) => error.to_string(),
     };
-    // A SQLite file is deleted with its folder.
+    // `new_database` deletes the folder with an incomplete SQLite file. An incomplete PostgreSQL
+    // database remains.
     Err(CommandError::Failure(match to.is_shared() {
         true => format!("{}: it is incomplete, delete it: {failure}", to.name()),
         false => format!("nothing was restored: {failure}"),

@@ -73,7 +73,8 @@ pub async fn run(args: CopyArgs) -> Result<(), CommandError> {
     print_json(&copied)
 }
 
-/// Copies studies and shows a progress bar. With `access`, also copies the keys and the audit trail.
+/// Copies studies and shows a progress bar. If `access` is true, also copies the keys and the audit
+/// trail.
 pub(super) async fn whole(
     from: &Store,
     to: &Store,

@@ -1,24 +1,26 @@
-//! Warns of headings that may be in degrees. Such headings are valid but unlikely in radians.
+//! Warns of headings that might be in degrees. Such headings are valid but unlikely in radians.
 
 use core::f64::consts::TAU;
 
-/// Detects headings of a file that may be in degrees, and prints one warning on stderr for all of them.
+/// Detects headings of a file that might be in degrees, and prints one warning on stderr for all of
+/// them.
 pub(super) struct Degrees {
     /// The file's name in errors.
     name: String,
-    /// Place and value of the first such heading, and the number of further such headings.
+    /// Place and value of the first heading that might be in degrees, and the number of further
+    /// such headings.
     found: Option<(String, f64, u64)>,
 }
 
 impl Degrees {
-    /// For the headings of the file with this name.
+    /// A detector for the headings of the file with this name.
     pub(super) fn of(name: impl Into<String>) -> Self {
         Self { name: name.into(), found: None }
     }
 
     /// Checks a heading (rad) at this place.
     pub(super) fn look(&mut self, psi: f64, place: impl FnOnce() -> String) {
-        // A heading of exactly one full turn may well be in radians.
+        // A heading of exactly 2π is plausible in radians.
         if psi.abs() <= TAU * (1.0 + 1e-9) {
             return;
         }

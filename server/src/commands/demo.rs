@@ -1,9 +1,9 @@
 //! The demonstration of `sidestep serve --demo`: a study with synthetic participants and an analysis.
 //!
-//! All data are created like real data: participants enrol and drive through the server's own HTTP
-//! interface, and the worker runs the analysis. Each step first checks which data exist, so an
-//! interrupted demonstration resumes. At the end the study is closed, and later starts leave it
-//! unchanged.
+//! All data are created like real data: the synthetic participants enrol and upload their trials
+//! through the server's own HTTP interface, and the analysis worker runs the analysis. Each stage
+//! first checks which data exist, so that a later start can complete an interrupted demonstration.
+//! At the end the study is closed, and later starts leave it unchanged.
 
 mod cast;
 
@@ -46,7 +46,8 @@ fn study() -> Result<StudyConfig, CommandError> {
     file.map(|file| file.config().clone()).map_err(CommandError::failure)
 }
 
-/// Creates the demonstration's study if it does not exist. Returns whether to fill it.
+/// Creates the demonstration's study if it does not exist. Returns whether the study must still be
+/// filled.
 ///
 /// # Errors
 /// [`CommandError::Input`] if another study has this name; that study is left unchanged.
@@ -107,7 +108,7 @@ impl Demo {
     /// Cancels unfinished work. The next start with `--demo` resumes it.
     pub(super) async fn stop(self) {
         self.task.abort();
-        // The result is either the cancellation or the end of the task.
+        // Ignore the result: the task was either cancelled or had already ended.
         let _ = self.task.await;
     }
 }
@@ -178,8 +179,8 @@ impl Filling {
         self.store.study(SLUG).await?.ok_or_else(gone)
     }
 
-    /// Lets all participants take part, one after another, so that numbers and scenes are the same
-    /// each time.
+    /// Makes all participants take part, one after another, so that their numbers and scenes are
+    /// the same each time.
     async fn people(&self) -> Result<(), CommandError> {
         let server = Client::at(&self.origin)
             .ok_or_else(|| CommandError::Failure(format!("{}: no address", self.origin)))?
@@ -209,7 +210,7 @@ impl Filling {
         Ok(())
     }
 
-    /// Does the experimenter's part: adds the note about a participant and applies their ending.
+    /// Adds the note about a participant, and applies the ending of their participation.
     async fn look_after(&self, id: &str, role: Role) -> Result<(), CommandError> {
         if let Some(text) = role.note {
             let known = self.store.profile(id).await?;

@@ -65,7 +65,7 @@ pub struct FunctionArgs {
 }
 
 impl FunctionArgs {
-    /// The flags of the game. With --value-function, they have their defaults.
+    /// The flags of the game. If --value-function is given, they have their default values.
     pub(super) fn game(&self) -> GameArgs {
         self.game
     }
@@ -91,8 +91,8 @@ impl FunctionArgs {
     }
 }
 
-/// Reads a value function from a file. Warns on stderr if its solve did not converge, or if the
-/// file does not state whether it did.
+/// Reads a value function from a file. Warns on stderr if the solver did not converge, or if the
+/// file does not state whether it converged.
 ///
 /// # Errors
 /// [`CommandError::Input`] naming the file and the fault in it.

@@ -44,7 +44,7 @@ fn asked_twice() -> Result<String, CommandError> {
 }
 
 /// Prompts on the terminal and returns the typed line. The prompt goes to stderr, because stdout
-/// may be redirected to a file.
+/// might be redirected to a file.
 fn asked(question: &str) -> Result<String, CommandError> {
     eprint!("{question}");
     io::stderr().flush().map_err(CommandError::failure)?;
@@ -57,7 +57,7 @@ fn asked(question: &str) -> Result<String, CommandError> {
     }
 }
 
-/// The next line of stdin. Each of the bytes `ends` ends a line.
+/// The next line of stdin. Every byte in `ends` terminates a line.
 fn line(ends: &[u8]) -> Result<String, CommandError> {
     let mut stdin = io::stdin().lock();
     let mut line = Vec::new();

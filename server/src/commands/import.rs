@@ -83,7 +83,7 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     wanted.check().map_err(|e| {
         CommandError::Input(format!("--study: expected {}, found {}", e.expected, e.found))
     })?;
-    // If the file is refused, no new database must be created.
+    // Do not create a new database yet, because the file might be refused.
     let present = match Store::open(&args.database, Purpose::Change).await {
         Err(OpenError::Absent(_)) => None,
         opened => Some(opened?),
@@ -132,7 +132,7 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
         if let Some(fault) = refused {
             return Err(fault.to_string());
         }
-        // If the import has failed, there is no receiver.
+        // If the import has failed, sending fails too, because the receiver was dropped.
         let _ = read.is_ok() && sender.blocking_send(batch).is_ok();
         read
     });
@@ -181,7 +181,7 @@ const BATCH: usize = 256;
 #[derive(Default)]
 struct Batch {
     people: Vec<NewImport>,
-    /// The line of each trial that has an id in the file.
+    /// The id and the line of each trial that has an id in the file.
     lines: Vec<(String, u64)>,
     trials: usize,
 }

@@ -49,7 +49,8 @@ fn hours(text: &str) -> Result<f64, String> {
 }
 
 impl KeepingArgs {
-    /// The settings for this database. The database's code is not known yet.
+    /// The settings for this database. [`Keeping::code`] is left empty, because the code is not
+    /// known yet.
     ///
     /// # Errors
     /// [`CommandError::Input`] if the folder for backups is not a folder or not writable, or if

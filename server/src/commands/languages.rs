@@ -25,7 +25,7 @@ pub struct LanguagesArgs {
 pub fn run(args: &LanguagesArgs) -> Result<(), CommandError> {
     let failed = |error: std::io::Error| unwritable(&args.out, &error);
     let mut files = Vec::new();
-    // Do not overwrite an existing file, which may have been edited.
+    // Do not overwrite an existing file, because a user might have edited it.
     if let Some((tag, _)) =
         BUILT_IN.iter().find(|(tag, _)| args.out.join(format!("{tag}.toml")).exists())
     {

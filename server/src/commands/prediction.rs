@@ -47,7 +47,7 @@ struct Input {
 }
 
 impl Input {
-    /// Warns of headings that may be in degrees.
+    /// Warns of headings that might be in degrees.
     fn warn_of_degrees(&self, document: Document<'_>) {
         let mut degrees = Degrees::of(document.name());
         for (name, pose) in [("human", self.human), ("robot", self.robot)] {
@@ -118,7 +118,8 @@ impl<'a> PredictorSource<'a> {
         &self.predictor
     }
 
-    /// The document's own predictor or the separate predictor. Exactly one of them must be given.
+    /// The document's own predictor or the separate predictor `beside`. Exactly one of them must be
+    /// given.
     fn of(
         document: Document<'a>,
         input: &Input,
@@ -244,7 +245,7 @@ impl Problem {
         })
     }
 
-    /// Runs Algorithm 1. Errors refer to the predictor.
+    /// Runs Algorithm 1. Errors name fields of the predictor.
     fn bounds(
         &self,
         predictor: &Predictor,
@@ -289,7 +290,7 @@ fn motion(input: &Input) -> Result<Motion, Invalid> {
     Ok(motion)
 }
 
-/// Renames the error's field to the field of the document.
+/// In an error, replaces the library's name of a field by the field's name in the document.
 pub(super) fn named(invalid: Invalid) -> Invalid {
     let field = match invalid.field.as_str() {
         "human_speed_mps" | "speed_mps" => "speed",

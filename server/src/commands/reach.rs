@@ -128,10 +128,11 @@ struct QueryAnswer {
     full: bool,
 }
 
-/// Upper bound on the number of steps of a set, because the size of all polygons grows with its square.
+/// Upper bound on the number of steps of a set. The total size of all polygons grows with the
+/// square of this number.
 pub(super) const MOST_STEPS: usize = 300;
 
-/// Renames the error's field to the field of the document.
+/// In an error, replaces the library's name of a field by the field's name in the document.
 fn named(invalid: Invalid) -> Invalid {
     let field = match invalid.field.as_str() {
         "speed_mps" => "speed",
@@ -191,7 +192,7 @@ fn answer(input: &Input) -> Result<Answer, Invalid> {
     let sets = input.sets.iter().enumerate().map(|(j, set)| {
         set_answer(input, start, set, settings, tolerance).map_err(|invalid| {
             let named = named(invalid.clone());
-            // A field that was renamed belongs to the document and not to one set.
+            // If the field was renamed, it belongs to the whole document and not to one set.
             if named == invalid { named.within(&format!("sets[{j}]")) } else { named }
         })
     });
@@ -242,7 +243,7 @@ fn set_answer(
     let bounds = InputBounds::new(given.lo.clone(), given.hi.clone(), input.turn_rate)?;
     let set = ReachableSet::new(start, &bounds, input.speed, input.dt)?;
     let polygons: Vec<_> = (0..=set.steps()).map(|step| set.step_polygon(step, settings)).collect();
-    // Queries are about the exact set, and conservative polygons are larger.
+    // Queries test the exact set. Conservative polygons are larger, so queries do not use them.
     let mut exact: Vec<Option<Vec<[f64; 2]>>> = vec![None; polygons.len()];
     let exact_settings = PolygonSettings::new(settings.accuracy_m(), settings.least_pieces())?;
     let queries = given.queries.iter().enumerate().map(|(q, query)| {

@@ -33,7 +33,8 @@ struct Saved {
     studies: usize,
     participants: usize,
     trials: usize,
-    /// Number of lines on stderr: one per row, or one per range of rows or pages if no more is known.
+    /// Number of lines on stderr. There is one line per lost row, or per range of rows or pages if
+    /// the single rows are not known.
     lost: usize,
 }
 

@@ -139,19 +139,20 @@ pub enum LogFormat {
     Json,
 }
 
-/// Maximum number of enrolments that wait for their scenes, twice the size of a lecture hall.
+/// Maximum number of enrolments that wait for their scenes. This is twice the number of seats in a
+/// large lecture hall.
 const PLANS_WAITING: usize = 2_000;
 
 /// The pause after drawing the scenes of an enrolment, as a multiple of the drawing time.
 const DRAWING_PAUSE: u32 = 2;
 
-/// Upper bound on connections, if the system allows the process to open enough files.
+/// Upper bound on the number of connections, if the system allows the process to open enough files.
 const MOST_CONNECTIONS: u64 = 50_000;
 
 /// Open files reserved for everything except connections, such as the database, the site and analyses.
 const FILES_KEPT: u64 = 256;
 
-/// Maximum number of open site files. Each stays open until its client has read it.
+/// Maximum number of open site files. A file stays open until the client has read it.
 const SITE_FILES: u64 = 4_096;
 
 /// Maximum total size of incomplete request bodies (bytes).
@@ -160,9 +161,10 @@ const BODY_BYTES: usize = 64 << 20;
 /// A server that accepts requests.
 #[derive(Debug)]
 pub struct Running {
-    /// The address, with the actual port.
+    /// The listening address, with the actual port.
     pub address: SocketAddr,
-    /// Names of the studies in which people take part. `/start` redirects to the first one.
+    /// Names of the studies for real participants, without synthetic studies. `/start` redirects to
+    /// the first one.
     pub studies: Vec<String>,
     /// The experimenter's key, if this start created it.
     pub new_key: Option<String>,

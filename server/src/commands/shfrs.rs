@@ -157,7 +157,7 @@ enum GuaranteeArg {
     FixedSequence,
 }
 
-/// Number of levels of ε that a fixed sequence tests.
+/// Number of levels of ε that the fixed-sequence test uses.
 const SEQUENCE: usize = 101;
 
 /// Computes the results, then writes the files.
@@ -383,7 +383,8 @@ impl ShfrsArgs {
     }
 }
 
-/// The person who drove each trajectory. People are numbered from 0 in order of appearance.
+/// The number of the person who drove each trajectory. People are numbered from 0 in order of
+/// appearance.
 fn people(recorded: &[Recorded]) -> Vec<usize> {
     let mut places = HashMap::new();
     let names = recorded.iter().map(|recorded| recorded.participant.as_str());

@@ -101,12 +101,13 @@ struct Line {
     /// Shape of the array `value`.
     grid: [usize; 3],
     steps: usize,
-    /// Duration of the solve, without writing the file.
+    /// Duration of the computation (s), without writing the file.
     wall_s: f64,
     threads: usize,
-    /// The unit is m/s. For the polar method without a horizon, it is m per round of sweeps.
+    /// The remaining change of V (m/s). For the polar method without a horizon, the unit is m per
+    /// round of sweeps.
     converged_residual: f64,
-    /// Whether the solution converged. False if the solve gave up; null for a finite horizon.
+    /// Whether the solution converged. False if the solver gave up; null for a finite horizon.
     converged: Option<bool>,
     /// Volume of {V <= 0} over the domain (m² rad).
     volume: f64,

@@ -57,8 +57,8 @@ impl SceneArgs {
     }
 }
 
-/// A vehicle of the recorded states, with its name in messages, its role in flags, the column of its
-/// heading, its pose, and its model.
+/// One of the two vehicles in the recorded states: its name in messages, its role in flags, the
+/// column of its heading, its pose, and its model.
 struct Driven {
     who: &'static str,
     role: &'static str,
@@ -170,8 +170,9 @@ pub(super) enum Faults {
 /// Returns one participant of the file, with all trials as recorded.
 ///
 /// # Errors
-/// [`CommandError::Input`] naming the file and either the line and the fault, or that the participant
-/// does not exist. A fault of another participant is not an error.
+/// [`CommandError::Input`] naming the file, if a row or trial of this participant is invalid (with
+/// its line), if the vehicles cannot have driven the trials, or if the participant does not exist.
+/// A fault of another participant is not an error.
 pub(super) fn participant(
     path: &Path,
     scene: &SceneParameters,
@@ -291,7 +292,7 @@ fn faulty(path: &Path, error: &LineError) -> CommandError {
     complaint(path, &format!("{error}{}", hint(error)))
 }
 
-/// Names the flag that may be wrong if the file itself is correct.
+/// Names the flag that might be wrong if the file itself is correct.
 fn hint(error: &LineError) -> &'static str {
     match error.what.field.as_str() {
         "omega" => "; --evader-turn-rate sets the human's turn rate",

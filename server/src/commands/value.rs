@@ -88,7 +88,7 @@ pub async fn run(args: ValueArgs) -> Result<(), CommandError> {
     print_json(&serde_json::json!({ "states": rows, "outside": outside, "file": args.out }))
 }
 
-/// Why an evaluation failed.
+/// The reason why an evaluation failed.
 enum Fault {
     Line(LineError),
     Disk(io::Error),
@@ -145,7 +145,7 @@ fn columns(header: &Record) -> Result<[usize; 3], Invalid> {
     // Spreadsheets put a byte-order mark at the start of UTF-8.
     let names: Vec<&str> =
         header.iter().map(|name| name.trim_start_matches('\u{feff}').trim()).collect();
-    // Quote the names, because a name may contain a line break.
+    // Quote the names, because a name can contain a line break.
     let all = format!("{:?}", names.join(","));
     let mut places = [0; 3];
     for (place, column) in places.iter_mut().zip(COLUMNS) {

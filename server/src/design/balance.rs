@@ -15,12 +15,12 @@ pub struct Balance {
     pub drawn: usize,
     /// The number of scenes whose strata differ from the planned strata.
     pub exchanged: usize,
-    /// The number of strata of single participants without a scene.
+    /// The number of strata without a scene, counted for each participant and added up.
     pub unfilled: usize,
     /// How often each approach stratum occurs at each position.
     approach_at_position: Option<Range>,
-    /// How often each approach stratum directly follows each other one. `None` if there is only one
-    /// stratum.
+    /// How often each approach stratum directly follows each of the other approach strata. `None`
+    /// if there is only one stratum.
     approach_after_approach: Option<Range>,
     /// How often each pair of strata occurs.
     approach_with_miss: Option<Range>,
@@ -45,7 +45,7 @@ impl Range {
 }
 
 impl Balance {
-    /// Explains the counts on stderr for people. Programs read the JSON.
+    /// Explains the counts on stderr, for people. Programs read the JSON.
     pub fn explain(&self) {
         let Self { phase, drawn, exchanged, unfilled, .. } = self;
         let strata = 3 * drawn;

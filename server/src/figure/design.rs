@@ -25,8 +25,9 @@ const ABREAST: usize = 6;
 const SCENES: usize = 12;
 const GAP: f64 = 16.0;
 
-/// Draws the distribution of a phase's scenes, and the first participant's first scenes. `people` has
-/// the scenes of each participant, by place number. `notes` name the study and the phase.
+/// Draws the distribution of a phase's scenes, and the first participant's first scenes. `people`
+/// has the scenes of each participant; the index is the participant's place. `notes` name the study
+/// and the phase.
 #[must_use]
 pub fn design(
     notes: &[String],
@@ -105,7 +106,7 @@ fn axis(coordinate: Coordinate, strata: &Stratification) -> Axis {
     }
 }
 
-/// An encounter's value of a coordinate, in the unit of its axis.
+/// The value of a coordinate in an encounter, in the unit of the coordinate's axis.
 fn on_axis(coordinate: Coordinate, encounter: &Encounter) -> f64 {
     match coordinate {
         Coordinate::Approach => encounter.approach_rad.to_degrees(),
@@ -145,7 +146,7 @@ fn counts(
     chart
 }
 
-/// Ink of a dot. It is fainter if there are more dots.
+/// Ink of a dot. The ink is fainter if there are more dots.
 fn dots(people: &[Vec<StratifiedScene>]) -> colours::Ink {
     let many = people.iter().map(Vec::len).sum::<usize>().max(1) as f64;
     colours::TEXT.at((900.0 / many).clamp(0.06, 0.45))
@@ -229,7 +230,8 @@ fn reach_m(parameters: &SceneParameters, shown: &[StratifiedScene]) -> f64 {
     1.12 * ends.flatten().map(f64::abs).fold(1.0, f64::max)
 }
 
-/// Draws one scene from above, with its coordinates above it and a scale bar.
+/// Draws one scene from above, with a scale bar, and with the values of its coordinates as text
+/// above it.
 fn one(
     drawing: &mut Drawing,
     parameters: &SceneParameters,

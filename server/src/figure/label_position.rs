@@ -6,7 +6,7 @@ use sidestep::reach::polygon::{bounding_box, signed_distance};
 const SPACING: f64 = 3.0;
 
 /// The point inside `outer` and outside `inner` that is farthest from both edges. Returns `None` if
-/// its distance is less than `least`. Points are [right, down] in pixels, and either polygon may be
+/// its distance is less than `least`. Points are [right, down] in pixels, and either polygon can be
 /// empty. The point is accurate to the spacing of the candidate points.
 pub(super) fn label_position(
     outer: &[[f64; 2]],

@@ -1,5 +1,5 @@
-//! Plots coverage against area. Each family has a panel, which also shows the curves of the other
-//! families in grey.
+//! Plots coverage against area. Each family of predictions has a panel, which also shows the curves
+//! of the other families in grey.
 
 use super::{MARGIN, headed};
 use sidestep::chart::{Align, Chart, Drawing, Frame, colours, number};
@@ -15,8 +15,9 @@ const NAMES: f64 = 34.0;
 /// Number of panels side by side.
 const COLUMNS: usize = 4;
 
-/// Draws a panel for each family. It shows the family's curve, and a mark with the interval of the
-/// coverage at each calibrated level. `unit` is the unit of calibration, and `note` describes the data.
+/// Draws a panel for each family. It shows the family's curve and, for each calibrated level, a
+/// mark with the interval of the coverage. `unit` is the unit of calibration, and `note` describes
+/// the data.
 #[must_use]
 pub fn pareto(found: &Pareto, unit: Unit, note: &str) -> Drawing {
     let charts = panels(found);

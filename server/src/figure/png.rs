@@ -49,13 +49,13 @@ fn draw(pixmap: &mut Pixmap, fonts: &Fonts, shape: &Shape) {
     let Some(path) = outline(&shape.form, fonts) else {
         return;
     };
-    // The halo of text is drawn below the text. Any other stroke is drawn on top.
+    // The halo of text is drawn below the text. Any other stroke is drawn on top of the fill.
     let has_seam = matches!(&shape.form, Form::Text(text) if text.halo);
     if has_seam {
         stroke(pixmap, &path, Pen::new(colours::SURFACE, 3.0));
     }
     if let Some(ink) = shape.fill {
-        // Anti-aliasing would let the background show between adjacent rectangles.
+        // Anti-aliasing would make the background visible between adjacent rectangles.
         let paint = Paint { anti_alias: !matches!(shape.form, Form::Boxes(_)), ..paint(ink) };
         pixmap.fill_path(&path, &paint, FillRule::Winding, scale(), None);
     }

@@ -22,7 +22,7 @@ const ROOM: [f64; 2] = [46.0, 104.0];
 /// Height of the frame of a single step, and the gap between two frames (px).
 const STEP: f64 = 36.0;
 const BETWEEN: f64 = 5.0;
-/// Space above the single steps for their heading (px).
+/// Space above the single steps for their title (px).
 const HEADING: f64 = 30.0;
 /// Space around a numeral (px).
 const NUMERAL_ROOM: f64 = 7.4;
@@ -31,9 +31,10 @@ const NUMERAL_ROOM: f64 = 7.4;
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegionsPanel {
     title: String,
-    /// The settings of the prediction; may be empty.
+    /// The settings of the prediction; can be empty.
     settings: String,
-    /// The vehicles now, in the world frame. The picture is rotated so that the human heads upwards.
+    /// The vehicles now, in the world frame. The picture is rotated so that the human's heading is
+    /// upwards.
     now: JointState,
     /// Radius of the robot's disc, which the human must not enter (m).
     danger_radius_m: f64,
@@ -117,8 +118,8 @@ impl RegionsPanel {
 }
 
 /// Draws `panels` side by side. Region j is the part of set j outside set j − 1. Colours range from
-/// red inside to purple outside. `regions` has the name of each region in the legend, such as its ε
-/// or its probability. `note` describes the data.
+/// red for the innermost region to purple for the outermost region. `regions` has the name of each
+/// region in the legend, such as its ε or its probability. `note` describes the data.
 #[must_use]
 pub fn regions(heading: &str, note: &str, panels: &[RegionsPanel], regions: &[String]) -> Drawing {
     let window = window_of(panels);
@@ -321,7 +322,7 @@ mod tests {
     fn every_region_is_drawn_in_both_views_of_each_panel() {
         let panels = [panel(Pose::new(0.0, 0.0, 0.5 * PI)), panel(Pose::new(3.0, 1.0, 2.0))];
         let drawing = regions("Regions", "a made-up human", &panels, &names());
-        // Two panels with a tube and ten steps each, and one legend sign.
+        // Each colour occurs in two panels, with a tube and ten steps each, and in one legend sign.
         let fill = |j: usize| Some(colours::REGIONS[j].into());
         for j in 0..5 {
             let with_fill = drawing.shapes.iter().filter(|shape| shape.fill == fill(j));

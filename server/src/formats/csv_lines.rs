@@ -1,11 +1,11 @@
-//! Reads CSV files. Each record has the line number at which it begins, counted as in an editor. The
-//! delimiter is determined from the header: a comma, or a semicolon or a tab, which spreadsheets write
-//! if the decimal mark is a comma. Rows without any value are skipped.
+//! Reads CSV files. Each record has the line number at which it begins, counted as in an editor.
+//! The header determines the delimiter: a comma, a semicolon or a tab. Spreadsheets write a
+//! semicolon or a tab if the decimal mark is a comma. Rows without any value are skipped.
 //!
-//! Lines without a quotation mark are split here, which is several times as fast as a full parser. From
-//! the first quotation mark on, or from the first line that ends with a carriage return alone, the csv
-//! crate reads the file. Lines are counted here, because the csv crate counts from where it starts to
-//! read, and counts empty lines and CR LF differently.
+//! This module itself splits lines without a quotation mark, which is several times as fast as a
+//! full parser. The csv crate reads the rest of the file from the first quotation mark on, or from
+//! the first line that ends with a carriage return alone. This module counts the lines, because the
+//! csv crate counts from where it starts to read, and counts empty lines and CR LF differently.
 
 mod record;
 mod quoted;
@@ -108,7 +108,7 @@ impl<R: Read> Records<R> {
         Ok((records, header))
     }
 
-    /// The dialect, as far as the part of the file that was read shows it.
+    /// The dialect, according to the part of the file that was read so far.
     #[must_use]
     pub fn dialect(&self) -> Dialect {
         Dialect {
@@ -231,8 +231,8 @@ impl<R: Read> Lines<R> {
             let begins_at = self.line;
             let next = self.next().map_err(|error| (begins_at, error.to_string()))?;
             let Some(range) = next else { return Ok(b',') };
-            // On old Macintoshes, a carriage return alone ends a line. In such a file, the range may be
-            // the whole file.
+            // On old Macintoshes, a carriage return alone ends a line. In such a file, the range
+            // can be the whole file.
             let end = memchr::memchr(b'\r', &self.buffer[range.clone()]);
             let end = end.map_or(range.end, |length| range.start + length);
             if end + 1 < range.end {
@@ -262,8 +262,8 @@ impl<R: Read> Lines<R> {
     }
 }
 
-/// The delimiter of a header. It is a comma if there is one outside quotation marks, and otherwise
-/// the more frequent one of semicolon and tab.
+/// The delimiter of a header. It is a comma if the header has a comma outside quotation marks.
+/// Otherwise it is the more frequent one of semicolon and tab.
 fn separator_of(header: &[u8]) -> u8 {
     let mut quoted = false;
     let [mut commas, mut semicolons, mut tabs] = [0; 3];
@@ -450,8 +450,8 @@ mod tests {
         assert!(header.is_empty());
     }
 
-    /// Each row contains its own line number. The files have empty lines between rows, and all kinds of
-    /// line endings. The last line may lack its line ending.
+    /// Each row contains its own line number. The files have empty lines between rows, and all
+    /// kinds of line endings. In some files, the last line has no line ending.
     #[test]
     fn records_are_on_their_lines() {
         let mut rng = SeededRng::new(1);
@@ -461,7 +461,7 @@ mod tests {
             let quotes = rng.below(4) as u64;
             let mut text = "number".to_owned();
             let mut expected = Vec::new();
-            // Long enough for several reads.
+            // The file is long enough for several reads.
             for line in 2..2 + 30 * rng.below(100) as u64 {
                 text += ends;
                 if rng.below(3) > 0 {

@@ -1,5 +1,6 @@
-//! A study's data as files. The command writes a folder. The route sends an archive of the same
-//! files. The steps are also available as one file, for scripts that need nothing else.
+//! Exports a study's data as files. `sidestep export` writes a folder. The HTTP route sends an
+//! archive of the same files. It also sends the steps as one CSV file, for scripts that need
+//! nothing else.
 //!
 //! Participants are read one after another, so memory does not grow with the study. Each read is short,
 //! because a long read would prevent SQLite from checkpointing its log. Each participant's rows come
@@ -39,7 +40,7 @@ use futures_util::stream::{self, Stream};
 use sidestep::invalid::Invalid;
 use std::io;
 
-/// Why an export failed.
+/// The reason why an export failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// The database cannot be read.
@@ -62,7 +63,7 @@ pub enum ExportError {
     Defect(#[from] tokio::task::JoinError),
 }
 
-/// Accepts the format of a download.
+/// Checks the format of a download of one table, which must be `csv`.
 ///
 /// # Errors
 /// [`Invalid`] naming the format.

@@ -19,7 +19,8 @@ const ROW: [&str; 3] = ["participant", "trial", "step"];
 /// files.
 const TURN: [&str; 2] = ["turn", "y1"];
 
-/// The paper's features: the names used here, and the reference's names.
+/// The paper's features: each feature's name in this program, and its name in the reference's
+/// files.
 const PAPERS: [(&str, &str); 8] = [
     ("abs_dx", "apx"),
     ("abs_dy", "apy"),
@@ -31,7 +32,7 @@ const PAPERS: [(&str, &str); 8] = [
     ("distance", "d"),
 ];
 
-/// Why features cannot be written.
+/// The reason why features cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
     /// An error of the disk.
@@ -75,10 +76,10 @@ pub fn write(
     Ok(out.flush()?)
 }
 
-/// Reads a file in this program's form or in the reference's form, `apx,apy,dpsi,cosd,sind,vh,vr,d,y1`.
-/// The header determines the form. Other columns are ignored. An impossible value or a repeated row
-/// affects only one participant; [`GivenFeatures::replace`] returns this fault. Also returns the
-/// dialect.
+/// Reads a file in this program's form or in the reference's form,
+/// `apx,apy,dpsi,cosd,sind,vh,vr,d,y1`. The header determines the form. Other columns are ignored.
+/// An impossible value or a repeated row is a fault of one participant, which
+/// [`GivenFeatures::replace`] returns. Also returns the dialect.
 ///
 /// # Errors
 /// [`LineError`] for a missing column, or text that is not a table.

@@ -1,5 +1,5 @@
-//! The tables that a settings file may have, with the fields of each table. They are derived from
-//! the types that read the file.
+//! The tables that a settings file can have, with the fields of each table. They are derived from
+//! the types into which the file is deserialized.
 //!
 //! When a struct is deserialized, serde passes the names of its fields to the deserializer. So a
 //! deserializer that follows a path into a type learns the fields at the end of the path.
@@ -42,7 +42,7 @@ pub fn tables<T: DeserializeOwned>() -> Vec<FieldTable> {
 
 fn collect<T: DeserializeOwned>(steps: &mut Vec<Step>, path: String, found: &mut Vec<FieldTable>) {
     let shape = Cell::new(Shape::Value);
-    // The result is always an error.
+    // Ignore the result, which is always an error. The probe records the shape in `shape`.
     let _ = T::deserialize(Probe { steps, shape: &shape });
     match shape.get() {
         Shape::Value => {}
@@ -63,8 +63,8 @@ fn collect<T: DeserializeOwned>(steps: &mut Vec<Step>, path: String, found: &mut
     }
 }
 
-/// Explains an error about a field that does not exist in its table. The error then names the tables
-/// that have this field, or otherwise a similar field. Other errors are unchanged.
+/// Explains an error about a field that does not exist in its table. The error then names the
+/// tables that have this field or, if no table has it, a similar field. Other errors are unchanged.
 #[must_use]
 pub fn explained(invalid: Invalid, tables: &[FieldTable]) -> Invalid {
     let (parent, name) = invalid.field.rsplit_once('.').unwrap_or(("", &invalid.field));
@@ -109,7 +109,7 @@ fn without_numbers(path: &str) -> String {
     path.chars().filter(keep).collect()
 }
 
-/// A step into a type.
+/// One part of the path into a type: a field of a table, or an entry of a list.
 #[derive(Clone, Copy, Debug)]
 enum Step {
     Field(&'static str),
@@ -223,7 +223,8 @@ mod tests {
         assert!(fields("parameters.human").contains(&"speed_mps"));
         assert!(fields("questions[].options[]").contains(&"value"));
         assert!(fields("recruitment").contains(&"quota"));
-        // The complete file in the guide contains only these tables, apart from free tables.
+        // The complete file in the guide contains only these tables, apart from tables with free
+        // keys.
         let guide = include_str!("../../../docs/study.md");
         let (_, guide) = guide.split_once("```toml\n").unwrap();
         let (guide, _) = guide.split_once("```").unwrap();
@@ -307,7 +308,7 @@ mod tests {
         let said = complaint("questions[]", "id", &found);
         assert_eq!(said.field, "questions[0].id");
         assert!(said.found == "\"id\"", "{said}");
-        // A misspelt name of a field of another table.
+        // The name is misspelt, and the field belongs to another table.
         let said = complaint("", "qouta", &found).to_string();
         assert!(said.ends_with("found \"qouta\"; did you mean quota in [recruitment]?"), "{said}");
     }

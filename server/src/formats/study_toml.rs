@@ -44,7 +44,7 @@ impl StudyFile {
         Some(format!("{}: warning: read as {encoding}; save it as UTF-8 to be sure", self.name))
     }
 
-    /// Parses the study in a text. Complaints use this file name.
+    /// Parses the study in a text. Complaints contain `name` as the file name.
     ///
     /// # Errors
     /// [`Complaint`] naming the line and the field, with the expected and the found value.
@@ -59,7 +59,7 @@ impl StudyFile {
         TomlLines::parse(&self.text).map_or(1, |lines| lines.line_of(field))
     }
 
-    /// Whether the text sets this field of the study, to any value.
+    /// Whether the text gives a value to this field of the study.
     #[must_use]
     pub fn gives(&self, field: &str) -> bool {
         self.text.parse::<Table>().is_ok_and(|given| given.contains_key(field))
@@ -122,7 +122,8 @@ pub fn read_unchecked(text: &str) -> Result<StudyConfig, Complaint> {
         let document = serde_json::to_value(table).map_err(|e| whole(&e.to_string()))?;
         match from_value::<StudyConfig>(&document) {
             Err(invalid) => Err(located(explained(invalid, &tables::<StudyConfig>()))),
-            // TOML has numbers and dates that JSON does not support.
+            // The document is valid as JSON but not as TOML. TOML has numbers and dates that JSON
+            // does not support.
             Ok(_) => {
                 let what = one_line(&error.to_string());
                 Err(Complaint { line: lines.line_of(""), field: None, what })
@@ -177,7 +178,7 @@ fn take_away(from: &mut Table, same: &Table) {
     });
 }
 
-/// Merges tables recursively. Other values are replaced.
+/// Merges `above` into `below`, table by table. Values other than tables are replaced.
 fn lay_over(below: &mut Table, above: Table) {
     for (key, value) in above {
         match (below.get_mut(&key), value) {

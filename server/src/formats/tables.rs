@@ -23,7 +23,8 @@ pub struct Driven<'a> {
     pub damage: Option<&'a str>,
 }
 
-/// The columns that identify a trial. Several tables have them.
+/// The column with the participant's number. Together with [`trial_column`], it identifies a trial
+/// in several tables.
 fn participant_column() -> Column {
     Column::new("participant", super::table::Kind::Whole, "as in the table of participants")
 }

@@ -48,7 +48,7 @@ impl Decoder {
         self.known.unwrap_or_default()
     }
 
-    /// Decodes a piece that begins and ends between characters.
+    /// Decodes a piece that contains only whole characters.
     ///
     /// # Errors
     /// A description of the invalid bytes, with advice.
@@ -74,10 +74,10 @@ impl Decoder {
 /// Decodes Windows-1252. Returns `None` if another encoding is likely.
 ///
 /// Letters from 0xC0 on and signs from 0xA0 on are as in Latin-1. From 0x80 to 0x9F, only quotation
-/// marks, dashes, the ellipsis, the bullet and the euro sign are accepted. In this range, the encodings
-/// of DOS and old Macintoshes have ä, ö, ü and é, and Windows-1252 has letters that are rare in its
-/// languages. Three accented letters in a row, or a sign between two letters, never occur in these
-/// languages. So such a text is in another alphabet.
+/// marks, dashes, the ellipsis, the bullet and the euro sign are accepted. In this range, the
+/// encodings of DOS and old Macintoshes have ä, ö, ü and é, and Windows-1252 has letters that are
+/// rare in the languages that use it. In these languages, three accented letters in a row, or a
+/// sign between two letters, never occur. So a text with such a sequence is in another alphabet.
 fn windows_1252(bytes: &[u8]) -> Option<String> {
     let character = |byte: &u8| match byte {
         0x80 => Some('€'),
@@ -175,7 +175,7 @@ pub struct Wide<R> {
     text: Cursor<Vec<u8>>,
 }
 
-/// Maximum number of bytes decoded at once.
+/// Maximum number of bytes that are decoded at a time.
 const PIECE: u64 = 1 << 16;
 
 impl<R: Read> Read for Wide<R> {
@@ -195,7 +195,8 @@ impl<R: Read> Read for Wide<R> {
 }
 
 impl<R> Wide<R> {
-    /// Decodes the bytes so far, up to an incomplete unit or character.
+    /// Decodes the buffered bytes. Keeps an incomplete unit or character at the end for the next
+    /// call.
     fn decode(&mut self, is_end: bool) -> io::Result<()> {
         let (pairs, _) = self.bytes.as_chunks::<2>();
         let mut units: Vec<u16> = pairs.iter().map(|&pair| (self.unit)(pair)).collect();
@@ -292,7 +293,7 @@ mod tests {
     proptest! {
         #[test]
         fn every_text_comes_through(text in any::<String>(), repeat in 1usize..3) {
-            // Long enough for several decoding steps.
+            // The text is long enough for several decoding steps.
             let text = text.repeat(repeat) + &"😀".repeat(20_000 * (repeat - 1));
             for bytes in [utf_16(&text, u16::to_le_bytes), utf_16(&text, u16::to_be_bytes)] {
                 prop_assert_eq!(&whole(&bytes).unwrap().0, &text);

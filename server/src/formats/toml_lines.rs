@@ -134,7 +134,7 @@ impl<'a> TomlLines<'a> {
 }
 
 /// The entry of a table with the longest name that is a prefix of `path`, and the rest of the path.
-/// Names may contain dots.
+/// Names can contain dots.
 fn longest<'t, 'p>(
     table: &'t DeTable<'_>,
     path: &'p str,

@@ -105,7 +105,7 @@ pub enum Order {
 }
 
 /// Checks a file like [`read`], but keeps only one participant in memory. Returns the order and the
-/// dialect. The check of a scattered file stops early.
+/// dialect. If the file is scattered, the check stops as soon as this is known.
 ///
 /// # Errors
 /// The errors of [`read`].
@@ -255,8 +255,8 @@ impl Person {
         self.previous = Some(place);
     }
 
-    /// The participant, or the first invalid row. If all rows are valid, the error is the first invalid
-    /// trial.
+    /// Returns the participant. The error is the first invalid row or, if all rows are valid, the
+    /// first invalid trial.
     fn recorded(
         self,
         parameters: &SceneParameters,
@@ -305,7 +305,7 @@ impl Trial {
     }
 }
 
-/// A trial without steps, with the general data of its first row.
+/// A trial without steps, with the number, phase, flags and other general data of its first row.
 fn begun(line: u64, row: &Row, rows: usize) -> RecordedTrial {
     RecordedTrial {
         line: Some(line),

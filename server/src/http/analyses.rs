@@ -60,7 +60,8 @@ pub async fn list(
     let found = app.store.analyses_page(study.id, before, limit + 1).await?;
     let (found, next_before) = page(found, limit, |analysis| analysis.sequence);
     let mut analyses: Vec<AnalysisSummary> = found.into_iter().map(summary).collect();
-    // Leave out the accuracies, about fifty per analysis. The page of an analysis shows them.
+    // Leave out the accuracies, because each analysis has about fifty. The page of an analysis
+    // shows them.
     analyses.iter_mut().filter_map(|of| of.result.as_mut()).for_each(|of| of.accuracies.clear());
     Ok(Json(AnalysisPage { next_before, analyses }))
 }
@@ -102,7 +103,7 @@ pub async fn delete(
     if deleted { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) }
 }
 
-/// The content security policy of a report. It allows only inline styles and images.
+/// The content security policy of a report. It allows only inline styles and inline images.
 const REPORTS_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; \
                               base-uri 'none'; form-action 'none'; frame-ancestors 'self'";
 
@@ -126,7 +127,7 @@ pub async fn file(
     };
     let mut answer = bytes.into_response();
     let mut set = |name, value: &str| {
-        // The program chose the file name, so the header is valid.
+        // This program chose the file name, so the header is valid.
         if let Ok(value) = HeaderValue::from_str(value) {
             answer.headers_mut().insert(name, value);
         }

@@ -26,7 +26,8 @@ pub struct App {
     pub default_study: String,
     /// The texts for participants.
     pub library: Library,
-    /// The key in the environment variable, if set. It replaces the first key.
+    /// The key in the environment variable, if set. It replaces the first key, which the server
+    /// creates at its first start.
     pub environment_key: Option<ChosenKey>,
     /// Rate limits of requests and enrolments.
     pub pace: Pace,

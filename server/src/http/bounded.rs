@@ -1,4 +1,4 @@
-//! Runs CPU-bound jobs for requests. Only a few jobs run at a time, and other jobs wait in a queue.
+//! Runs CPU-bound jobs for requests. Only a few jobs run at a time, and the other jobs wait in a queue.
 
 use crate::http::error::ApiError;
 use crate::store::StoreError;
@@ -23,7 +23,7 @@ pub struct Bounded {
 }
 
 impl Bounded {
-    /// Lets at most `most_waiting` jobs wait, and refuses further jobs.
+    /// Allows at most `most_waiting` jobs to wait, and refuses further jobs.
     #[must_use]
     pub fn new(most_waiting: usize) -> Self {
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
@@ -68,7 +68,7 @@ impl Default for TakingTurns {
 }
 
 impl TakingTurns {
-    /// Runs `work` when it is the turn of its origin, and returns its result.
+    /// Waits for the permit of the origin and for a free thread, runs `work`, and returns its result.
     ///
     /// # Errors
     /// If the work panics.
@@ -102,7 +102,7 @@ pub struct InLine<'a> {
 }
 
 impl InLine<'_> {
-    /// Runs `work` when it is its turn, and returns its result.
+    /// Waits for a free thread, runs `work`, and returns its result.
     ///
     /// # Errors
     /// If the work panics.

@@ -1,5 +1,5 @@
-//! The configurations of studies, as experimenters edit them. Drafts of study files are checked,
-//! shown and stored.
+//! The configurations of studies, which experimenters edit. The handlers check, show and store
+//! drafts of study files.
 //!
 //! A configuration in use is never edited. Enrolled participants keep their configuration, and new
 //! participants get the new one.
@@ -91,8 +91,9 @@ pub async fn check_form(
     Ok(Json(DraftChecked { toml: Some(toml), ..checked }))
 }
 
-/// Adds the valid range to a complaint about a field that is null or has a number of the wrong type. To
-/// find the range, tries extreme numbers until the study's own check reports it.
+/// Adds the valid range to a complaint about a field that is null or has a number of the wrong
+/// type. To find the range, tries extreme numbers until the study's own check complains about this
+/// field.
 fn with_range(config: &Value, invalid: Invalid) -> Invalid {
     let pointer = format!("/{}", invalid.field.replace(['.', '['], "/").replace(']', ""));
     if !matches!(config.pointer(&pointer), Some(Value::Null | Value::Number(_))) {
@@ -220,7 +221,7 @@ async fn replace(
     present.config.check_successor(new, participants(&app.store, slug).await?)?;
     let fields: Vec<_> =
         changes(&present.config, new)?.into_iter().map(|change| change.field).collect();
-    // Field names contain no personal data, so the audit trail may have them.
+    // Field names are not personal data, so the audit trail can contain them.
     let subject = if fields.is_empty() { "nothing".to_owned() } else { fields.join(", ") };
     let entry = me.does(Action::StudyChanged, Some(slug), Some(subject));
     match app.store.change_study(new, base, entry).await? {
@@ -283,7 +284,7 @@ async fn versions(app: &App, study: &StoredStudy) -> Result<Vec<ConfigurationVer
     Ok(versions)
 }
 
-/// Reads a draft. This draws its scenes, which takes time.
+/// Reads a draft and draws its scenes, which takes time.
 async fn read_draft(
     app: &Arc<App>,
     toml: String,

@@ -8,12 +8,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
 
-/// Timeout for the head of a request, counted from its first byte. Also the timeout from the
-/// opening of a connection to this byte.
+/// Timeout for the head of a request, counted from its first byte. Also the timeout for this first
+/// byte, counted from the opening of the connection.
 pub const HEAD_LIMIT: Duration = Duration::from_secs(10);
 /// Timeout between a response and the next request.
 const PAUSE_LIMIT: Duration = Duration::from_secs(75);
-/// Timeout for the body of a request. The request's own timeout is shorter.
+/// Timeout for the body of a request. The timeout of the whole request (`guard`) is shorter.
 const BODY_LIMIT: Duration = Duration::from_secs(40);
 /// Timeout for a client that reads nothing of a pending response.
 const BLOCKED_LIMIT: Duration = Duration::from_secs(60);
@@ -179,9 +179,9 @@ impl Connections {
         Self { limits, table: Mutex::default(), body_bytes: Arc::default() }
     }
 
-    /// Adds a connection from `address`, and closes other connections if necessary. Returns `None` if
-    /// all these clients are waiting for a response, because closing one of their connections would
-    /// abort a request. The limit per origin does not apply to a proxy.
+    /// Adds a connection from `address`, and closes other connections if necessary. Returns `None`
+    /// if no other connection can be closed without aborting a request. The limit per origin does
+    /// not apply to a proxy.
     pub fn admit(self: &Arc<Self>, address: IpAddr, is_proxy: bool) -> Option<Admitted> {
         let origin = origin(address);
         let mut table = self.table();
@@ -232,8 +232,8 @@ impl Connections {
         self.table().close_those(|watch| watch.is_overdue(now));
     }
 
-    /// Closes the connections that have been sending their bodies longest, if the total size of all
-    /// bodies is too large.
+    /// `held` is the total size of all incomplete bodies (bytes). If it is too large, closes the
+    /// connections that have been sending their bodies longest.
     pub fn relieve(&self, held: usize) {
         if held <= self.limits.body_bytes {
             return;
@@ -267,9 +267,9 @@ impl Table {
         self.counts.get(&origin).copied().unwrap_or(0)
     }
 
-    /// Closes the connections (of one origin, or of all) on which the server has been waiting longest.
-    /// Closes several at once, so that this search is rarely necessary. Returns the number of closed
-    /// connections.
+    /// Closes the connections (of one origin, or of all) on which the server has been waiting
+    /// longest. Each call closes several connections, so that this search is rarely necessary.
+    /// Returns the number of closed connections.
     fn make_room(&mut self, origin: Option<IpAddr>) -> usize {
         let of_origin = |from: IpAddr| origin.is_none_or(|origin| origin == from);
         let idle = self.open.iter().filter(|(_, (from, _))| of_origin(*from));

@@ -11,7 +11,7 @@ use minijinja::{AutoEscape, Environment};
 use serde_json::Value;
 use std::sync::Arc;
 
-/// Placeholder for the content in the site's page.
+/// The placeholder in the site's page that the content replaces.
 const PLACE: &str = "<!-- The server puts the document here. -->";
 
 /// The documentation in both formats.

@@ -24,7 +24,7 @@ pub fn withdrawn_url(config: &StudyConfig, me: &Participant) -> Option<String> {
 }
 
 /// The return link for a participant who has finished. It does not contain the completion code,
-/// because the holders of some tokens may not see the code.
+/// because the holders of some tokens are not allowed to see the code.
 #[must_use]
 pub fn finished_url(config: &StudyConfig, me: &Participant) -> Option<String> {
     filled(&config.recruitment.finished_url, None, me)

@@ -120,7 +120,7 @@ fn is_synthetic(body: &Enrolment) -> bool {
 }
 
 /// A hash of the request id, the external id and the pilot flag, which together identify a request.
-/// Returns `None` without a request id.
+/// Returns `None` if the request has no id.
 fn request_hash(body: &Enrolment) -> Option<[u8; 32]> {
     let kind = if body.pilot { "pilot " } else { "" };
     body.request_id.as_ref().map(|id| match &body.external_id {

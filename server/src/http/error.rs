@@ -9,7 +9,7 @@ use sidestep::api::Problem;
 use sidestep::invalid::Invalid;
 use std::time::Duration;
 
-/// Why a request failed.
+/// The reason why a request failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ApiError {
     /// The client can correct the request.

@@ -34,11 +34,11 @@ impl<T: JsonSchema> Input for EvidenceBody<T> {
     }
 }
 
-/// A JSON text in which U+FFFD replaces each character in a string that a file cannot contain.
-/// Invalid JSON stays invalid.
+/// The JSON text, with U+FFFD instead of those characters in its strings that a file cannot
+/// contain. Invalid JSON stays invalid.
 fn legible(text: &str) -> Cow<'_, str> {
-    // Backslash (for escapes), DEL, and the first byte of U+0080 to U+009F. Most bodies contain
-    // none of them.
+    // Only a backslash (for escapes), DEL, and the first byte of U+0080 to U+009F can begin such a
+    // character. Most bodies contain none of these bytes.
     if memchr::memchr3(b'\\', 0x7f, 0xc2, text.as_bytes()).is_none() {
         return Cow::Borrowed(text);
     }
@@ -143,7 +143,8 @@ mod tests {
     }
 
     proptest! {
-        /// Tests arbitrary browser strings of 16-bit units, as written by JSON.stringify or as escapes.
+        /// Tests arbitrary browser strings, which consist of 16-bit units. The units are written as
+        /// JSON.stringify writes them, or as escapes.
         #[test]
         fn every_string_of_a_browser_is_read(units in prop::collection::vec(
             prop_oneof![0u16..0x100, 0xd7f0u16..0xe010, any::<u16>()], 0..40), escaped in any::<bool>()) {

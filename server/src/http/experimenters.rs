@@ -21,7 +21,7 @@ use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Minimum interval between two checks of the key of a long response.
+/// Minimum interval between two checks of the key during a long response.
 const RECHECK: Duration = Duration::from_secs(1);
 
 /// An experimenter with a valid cookie or key.
@@ -52,8 +52,9 @@ impl Experimenter {
         NewEntry { at_ms: now_ms(), key_id: self.key_id, who, action, study, subject }
     }
 
-    /// Accepts an experimenter whose key has at least this access level. A refusal is recorded in the
-    /// audit trail with the pattern of the route instead of the URL, which may contain anything.
+    /// Accepts an experimenter whose key has at least this access level. A refusal is recorded in
+    /// the audit trail with the pattern of the route. The URL is not recorded, because it can
+    /// contain anything.
     ///
     /// # Errors
     /// 403 `access`.
@@ -211,7 +212,7 @@ pub fn session_hash(app: &App, me: &Experimenter, cookie: &str) -> [u8; 32] {
     }
 }
 
-/// The hashes under which the session with this cookie may be stored.
+/// The hashes under which the session with this cookie can be stored.
 pub fn session_hashes(app: &App, cookie: &str) -> impl Iterator<Item = [u8; 32]> + use<> {
     let bound = app.environment_key.as_ref().map(|key| key.session_hash(cookie));
     std::iter::once(secrets::hash(cookie)).chain(bound)
@@ -295,7 +296,8 @@ pub fn session_cookie(headers: &HeaderMap) -> Option<&str> {
         .find_map(|pair| pair.trim().strip_prefix(COOKIE)?.strip_prefix('='))
 }
 
-/// Ensures that there is a first key. Returns the key if it is new. Only its hash is stored.
+/// Ensures that there is a first key. `make_another` replaces an existing first key. Returns the
+/// key if it is new. Only its hash is stored.
 ///
 /// # Errors
 /// If the database cannot be written.

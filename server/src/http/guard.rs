@@ -27,7 +27,8 @@ const HEADERS: [(HeaderName, &str); 6] = [
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
     (header::REFERRER_POLICY, "no-referrer"),
     (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
-    // Isolated pages have a clock with a higher resolution, which measures the sampling times.
+    // Cross-origin isolated pages have a clock with a higher resolution, which measures the
+    // sampling times.
     (HeaderName::from_static("cross-origin-embedder-policy"), "require-corp"),
     (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
 ];
@@ -39,7 +40,7 @@ const ENCRYPTED_ONLY: HeaderValue = HeaderValue::from_static("max-age=31536000")
 pub async fn security_headers(request: Request, next: Next) -> axum::response::Response {
     let is_secure = request.extensions().get::<Client>().is_some_and(|client| client.is_secure);
     let mut answer = next.run(request).await;
-    // Only responses with their own policy may be shown in a frame, and only by pages of this site.
+    // Only responses with their own policy are allowed in a frame, and only in pages of this site.
     if !answer.headers().contains_key(header::CONTENT_SECURITY_POLICY) {
         answer.headers_mut().insert(header::X_FRAME_OPTIONS, HeaderValue::from_static("DENY"));
     }
@@ -118,7 +119,7 @@ pub async fn paced(
     next.run(request).await
 }
 
-/// Cancels a request that takes too long, such as one with a slow body.
+/// Cancels a request that takes too long, such as a request with a slow body.
 pub async fn time_limit(request: Request, next: Next) -> axum::response::Response {
     tokio::time::timeout(TIME_LIMIT, next.run(request)).await.unwrap_or_else(|_| {
         let message = format!("not done within {} s", TIME_LIMIT.as_secs());
@@ -128,8 +129,9 @@ pub async fn time_limit(request: Request, next: Next) -> axum::response::Respons
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
-/// The id of a request, which is in all its log lines and in its response. An id from a trusted proxy
-/// is kept, so that both logs have the same id. Otherwise the id is new.
+/// The id of a request, which is in all its log lines and in its response. An id from a trusted
+/// proxy is kept, so that the logs of the proxy and of this server have the same id. Otherwise the
+/// id is new.
 fn request_id(request: &Request) -> String {
     let is_proxied = request.extensions().get::<Client>().is_some_and(|client| client.is_proxied);
     let given = request.headers().get(REQUEST_ID).filter(|_| is_proxied);
@@ -140,8 +142,8 @@ fn request_id(request: &Request) -> String {
     given.map_or_else(|| uuid::Uuid::new_v4().simple().to_string(), str::to_owned)
 }
 
-/// The name of a method for logs and metrics. All uncommon methods share one name, because a client may
-/// invent any number of them.
+/// The name of a method for logs and metrics. All uncommon methods share one name, because a client
+/// can invent any number of methods.
 fn known(method: &Method) -> &str {
     match *method {
         Method::GET

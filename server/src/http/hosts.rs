@@ -9,20 +9,20 @@ use axum::response::{IntoResponse, Response};
 use std::net::IpAddr;
 use std::sync::Arc;
 
-/// The host names of this server. Requests for any other name are refused. Such a name points here
-/// by mistake or in a DNS rebinding attack.
+/// The host names of this server. Requests for any other name are refused, because such a name
+/// points to this server by mistake or in a DNS rebinding attack.
 #[derive(Clone, Debug)]
 pub struct Hosts {
     names: Vec<String>,
     listens_at: IpAddr,
-    /// Whether all names are accepted because none was configured.
+    /// Whether all names are accepted because no name was configured.
     any: bool,
 }
 
 impl Hosts {
     /// The names of a server that listens on this address. Loopback names and the address itself
-    /// are always accepted. If no other name is given, a server that is reachable only from this
-    /// machine and has no proxy accepts no further names. Any other server then accepts all names.
+    /// are always accepted. If `names` is empty, the server accepts all names, unless it listens
+    /// only on a loopback address and has no trusted proxy.
     #[must_use]
     pub fn new(names: &[String], listens_at: IpAddr, proxies: &Proxies) -> Self {
         let names: Vec<_> = names.iter().map(|name| plain(name)).collect();
@@ -50,7 +50,8 @@ fn plain(authority: &str) -> String {
     host.trim_end_matches('.').to_ascii_lowercase()
 }
 
-/// Refuses requests that name no host, several hosts, or a host other than this server.
+/// Refuses requests that name several hosts, a host other than this server, or no host. Only
+/// HTTP/1.0 requests do not have to name a host.
 pub async fn known_host(State(hosts): State<Arc<Hosts>>, request: Request, next: Next) -> Response {
     match check(&hosts, request.version(), request.headers(), request.uri().authority()) {
         Ok(()) => next.run(request).await,

@@ -7,8 +7,8 @@ use crate::http::{
 };
 use sidestep::api::{ParticipantPage, Session, Texts, routes};
 
-/// All routes except the pages. The paths come from the module that clients also use, with parameters
-/// in braces.
+/// All routes except the pages. The paths come from the module `routes`, which clients also use.
+/// Their parameters are in braces.
 #[must_use]
 pub fn table() -> Table {
     let table = Table::default();

@@ -85,7 +85,7 @@ fn too_large() -> ApiError {
     ApiError::new(StatusCode::PAYLOAD_TOO_LARGE, "too_large", message)
 }
 
-/// Reads at most the maximum length, regardless of the length that the headers announce.
+/// Reads a body of at most the maximum length, regardless of the length that the headers announce.
 async fn read(body: Body) -> Result<Vec<u8>, ApiError> {
     let mut bytes = Vec::new();
     let mut chunks = body.into_data_stream();

@@ -36,7 +36,8 @@ pub async fn make(
     Ok((StatusCode::CREATED, Json(KeyMade { key: made.ok_or_else(taken)?, secret })))
 }
 
-/// `DELETE /api/v1/admin/keys/{id}`: 204. The key and its sessions become invalid at once. Idempotent.
+/// `DELETE /api/v1/admin/keys/{id}`: 204. The key and its sessions become invalid immediately.
+/// Idempotent.
 pub async fn revoke(
     Manager(me): Manager,
     State(app): State<Arc<App>>,

@@ -58,8 +58,8 @@ pub async fn serve(listener: TcpListener, service: Service, stop: impl Future<Ou
             Ok((stream, from)) => {
                 let peer = from.ip().to_canonical();
                 let is_proxy = service.proxies.trusts(peer);
-                // Without a free slot, close the new connection, because all other clients wait for a
-                // response.
+                // If there is no free slot, the new connection is closed, because all other clients
+                // wait for a response.
                 let Some(admitted) = service.connections.admit(peer, is_proxy) else { continue };
                 tokio::spawn(converse(stream, peer, admitted, service.clone(), running.watcher()));
             }
@@ -152,7 +152,8 @@ fn date(now: SystemTime) -> Option<HeaderValue> {
     (since < END).then(|| HeaderValue::from_str(&httpdate::fmt_http_date(now)).ok()).flatten()
 }
 
-/// Disables Nagle's algorithm. Responses are written at once, so the algorithm would only delay them.
+/// Disables Nagle's algorithm. Responses are written immediately, so the algorithm would only delay
+/// them.
 fn quick(stream: TcpStream) -> TcpStream {
     if let Err(error) = stream.set_nodelay(true) {
         tracing::debug!(%error, "TCP_NODELAY");

@@ -1,5 +1,5 @@
 //! Liveness, readiness and metrics for the operator. The metrics reveal how many data a study
-//! collects, so only programs on this machine and holders of a key may read them.
+//! collects, so only programs on this machine and holders of a key are allowed to read them.
 
 use crate::http::app::App;
 use crate::http::error::ApiError;
@@ -20,8 +20,9 @@ pub async fn healthz() -> String {
 
 /// `GET /readyz`: whether a trial can be stored now. This requires that a write can begin, that
 /// there is free space, and that the database file is still the file that was opened. A second line
-/// reports faults that the last check found in stored data, which do not prevent storing more. Only
-/// programs on this machine get the cause, because it may name files and hosts.
+/// reports faults that the last check found in stored data. These faults do not prevent storing
+/// more data. Only programs on this machine get the cause of an error, because the cause can name
+/// files and hosts.
 pub async fn readyz(
     State(app): State<Arc<App>>,
     client: Option<Extension<Client>>,
@@ -41,7 +42,7 @@ pub async fn readyz(
     })
 }
 
-/// A program on this machine that is not a proxy, or an experimenter.
+/// An experimenter, or a program on this machine that is not a proxy.
 pub struct Operator;
 
 impl FromRequestParts<Arc<App>> for Operator {

@@ -7,9 +7,9 @@ use crate::support::secrets;
 use std::net::{IpAddr, Ipv4Addr};
 use std::time::Duration;
 
-/// Rate limits per origin and per token. A whole class behind one address stays far below them. Local
-/// programs that are not proxies are exempt, because users of this machine can do more than send
-/// requests.
+/// Rate limits per origin and per token. A whole school class behind one address stays far below
+/// these limits. Local programs that are not proxies are exempt, because users of this machine
+/// could overload the server in other ways, too.
 #[derive(Debug)]
 pub struct Pace {
     requests: Throttle<IpAddr>,
@@ -18,15 +18,17 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// New rate limits. Servers that share a database count enrolments together. Each server counts
-    /// requests on its own, to protect itself.
+    /// New rate limits. Servers that share a database also share the counts of enrolments. Each
+    /// server counts requests on its own, to protect itself.
     #[must_use]
     pub fn new(store: &Store) -> Self {
         Self {
-            // Hundreds of participants may open the page at once, and each page loads a dozen files.
+            // Hundreds of participants can open the page at the same time, and each page loads a
+            // dozen files.
             requests: Throttle::new(6_000, Duration::from_micros(3_333)),
             enrolments: SharedThrottle::new(store, "enrolments", 1_000, Duration::from_millis(100)),
-            // A browser that was offline for the whole hour uploads sixty trials at once.
+            // A browser that was offline for a whole session of one hour uploads sixty trials
+            // without pauses.
             of_token: Throttle::new(600, Duration::from_millis(20)),
         }
     }
@@ -73,7 +75,7 @@ pub struct Guesses {
 const ALL: IpAddr = IpAddr::V4(Ipv4Addr::UNSPECIFIED);
 
 impl Guesses {
-    /// New rate limits. Servers that share a database count wrong keys together.
+    /// New rate limits. Servers that share a database also share the counts of wrong keys.
     #[must_use]
     pub fn new(store: &Store) -> Self {
         let throttle = |kind, burst, pause| SharedThrottle::new(store, kind, burst, pause);
@@ -84,7 +86,7 @@ impl Guesses {
         }
     }
 
-    /// Waits, if too many wrong keys have been sent.
+    /// Waits if this origin, or all origins together, have sent too many wrong keys.
     pub async fn slow_down(&self, origin: IpAddr) {
         if self.of_origin.is_spent(origin).await || self.of_all.is_spent(ALL).await {
             tokio::time::sleep(self.wait).await;
@@ -94,7 +96,8 @@ impl Guesses {
     /// Counts a wrong key.
     ///
     /// # Errors
-    /// The time after which this origin may send the next key, if it has sent too many wrong keys.
+    /// If this origin has sent too many wrong keys, the time after which it is allowed to send the
+    /// next key.
     pub async fn count(&self, origin: IpAddr) -> Result<(), Duration> {
         let _ = self.of_all.take(ALL).await;
         self.of_origin.take(origin).await

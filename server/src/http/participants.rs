@@ -58,7 +58,7 @@ pub async fn show(
         },
         completion_code: code,
         complete: me.completion_code.is_some(),
-        // A participant who is driving has passed the check, or began when the study had no check.
+        // A participant with stored trials has passed the check, or began when the study had no check.
         understood: me.understood || !has_check || !stored.is_empty(),
         comprehension_attempts: visitor.attempts() as usize,
         answered: me.answered || config.questions.is_empty(),

@@ -55,9 +55,9 @@ impl Proxies {
     /// The client of a request that came from `peer` with these headers. `is_tls` states whether it
     /// came through TLS.
     ///
-    /// Each proxy appends the address of its peer, so the list is read from its end. The first
-    /// address that is not a trusted proxy is the client. Earlier entries come from the client
-    /// itself and are ignored.
+    /// Each proxy appends the address of its peer, so the list in the header is read from its end.
+    /// The first address that is not a trusted proxy is the client. Earlier entries come from the
+    /// client itself and are ignored.
     #[must_use]
     pub fn client(&self, peer: IpAddr, is_tls: bool, headers: &HeaderMap) -> Client {
         let peer = peer.to_canonical();
@@ -92,7 +92,7 @@ impl Proxies {
 }
 
 /// The unit by which rate limits count clients: an IPv4 address, or an IPv6 network with a 64-bit
-/// prefix. The devices of a household or laboratory share it.
+/// prefix. The devices of a household or laboratory share such a network.
 #[must_use]
 pub fn origin(address: IpAddr) -> IpAddr {
     match address.to_canonical() {

@@ -219,8 +219,8 @@ fn learned(
 /// Confidence level of intervals, as in analyses.
 const CONFIDENCE: f64 = 0.95;
 
-/// A model that an analysis trained, with its relation to this trial, and the trials on which it was
-/// trained.
+/// A model that an analysis trained. The result also states how the model relates to this trial,
+/// and on which trials the model was trained.
 ///
 /// # Errors
 /// [`ApiError`] if there is no such model, or a replay cannot use it.

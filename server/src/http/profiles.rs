@@ -43,8 +43,8 @@ pub async fn show(
     }
     let config = app.store.config(&found.config_hash).await?;
     let study = app.store.study(&found.study).await?.ok_or_else(unknown)?;
-    // A participant belongs to the latest version that equals their configuration, except perhaps for
-    // the status.
+    // A participant belongs to the latest version that equals their configuration. Only the status
+    // can differ.
     let versions = app.store.study_versions(study.id).await?;
     let version = versions.iter().rev().find(|version| version.says(&config));
     let synthetic = is_synthetic(&found, &config);

@@ -72,7 +72,8 @@ mod tests {
     use tokio_util::sync::CancellationToken;
     use tower::ServiceExt;
 
-    /// A server without sockets. Its store and its queue of plans can be blocked.
+    /// A server without sockets. Tests can block its store. At most `plans_waiting` plans wait in
+    /// its queue.
     async fn served(folder: &TempDir, plans_waiting: usize) -> (Store, Router) {
         std::fs::create_dir_all(folder.path().join("assets")).unwrap();
         let pages = ["index", "participant", "lab", "viewer", "reachability", "demo", "docs"];
@@ -135,12 +136,12 @@ mod tests {
         assert_eq!(body::<Problem>(refused).await.code, "busy");
     }
 
-    /// A trial that arrives after the enrolments of a whole class is stored while most enrolments still
-    /// wait.
+    /// A trial that arrives after the enrolments of a whole school class is stored while most
+    /// enrolments still wait.
     #[tokio::test]
     async fn a_trial_is_answered_ahead_of_a_class_that_enrols() {
-        // As many as one commit takes at most, so that on a disk of any speed the operation after them
-        // runs after the commit of the trial.
+        // The maximum number of requests per commit. So the operation after these enrolments runs
+        // after the commit of the trial, however fast the disk is.
         const AHEAD: usize = 64;
         const BEHIND: usize = 80;
         let folder = TempDir::new().unwrap();

@@ -59,8 +59,8 @@ pub async fn show(
     Ok((vary, Json(Texts { check, ..page.texts.clone() })).into_response())
 }
 
-/// The seed for drawing a participant's questions. The seed also depends on the attempt, unless
-/// participants keep their questions after a wrong answer.
+/// The seed with which a participant's questions are drawn. The seed also depends on the attempt,
+/// unless participants keep their questions after a wrong answer.
 fn drawing_seed(visitor: &Visitor, after_wrong: AfterWrong) -> u64 {
     let attempt = match after_wrong {
         AfterWrong::Mark => 0,

@@ -9,18 +9,19 @@ use std::net::IpAddr;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// A token bucket for each of many keys, such as addresses or tokens. Each key can take `burst` turns
-/// at once, and regains one turn after each `pause`. The counts are in this server's memory.
+/// A token bucket for each of many keys, such as client addresses. A bucket holds at most `burst`
+/// tokens, and regains one token after each `pause`. Every counted action takes one token. The
+/// buckets are in this server's memory.
 #[derive(Debug)]
 pub struct Throttle<Who> {
     burst: u32,
     pause: Duration,
-    /// The time at which each key will have all `burst` turns again.
+    /// The time at which the bucket of each key will be full again.
     full_at: Mutex<HashMap<Who, Instant>>,
 }
 
 /// A rate limit for rare actions. The limit must not grow with the number of servers, so servers
-/// that share a database count together.
+/// that share a database use the same counts.
 #[derive(Debug)]
 pub struct SharedThrottle {
     here: Throttle<IpAddr>,
@@ -51,10 +52,10 @@ impl SharedThrottle {
         }
     }
 
-    /// Takes a turn.
+    /// Takes a token for this address.
     ///
     /// # Errors
-    /// The waiting time, if no turn is available now. In this case nothing is counted.
+    /// The waiting time, if no token is available now. In this case nothing is counted.
     pub async fn take(&self, who: IpAddr) -> Result<(), Duration> {
         let Some(store) = &self.store else { return self.here.take(who) };
         if let Some(wait) = self.told_to_wait(who, Instant::now()) {
@@ -87,7 +88,7 @@ impl SharedThrottle {
         }
     }
 
-    /// Whether no turn is available now.
+    /// Whether no token is available now.
     pub async fn is_spent(&self, who: IpAddr) -> bool {
         if let Some(store) = &self.store
             && let Ok(spent) = store.has_no_turn(self.allowed(), hashed(who)).await
@@ -112,22 +113,22 @@ impl<Who: Eq + Hash> Throttle<Who> {
         Self { burst, pause, full_at: Mutex::default() }
     }
 
-    /// Takes a turn.
+    /// Takes a token for this key.
     ///
     /// # Errors
-    /// The waiting time, if no turn is available now. In this case nothing is counted.
+    /// The waiting time, if no token is available now. In this case nothing is counted.
     pub fn take(&self, who: Who) -> Result<(), Duration> {
         self.take_at(who, Instant::now())
     }
 
-    /// Whether no turn is available now.
+    /// Whether no token is available now.
     pub fn is_spent(&self, who: &Who) -> bool {
         let full_at = self.full_at.lock().unwrap_or_else(PoisonError::into_inner);
         let left = full_at.get(who).map(|at| at.saturating_duration_since(Instant::now()));
         left.is_some_and(|left| left + self.pause > self.whole())
     }
 
-    /// The time in which a whole burst is refilled.
+    /// The time in which an empty bucket becomes full.
     fn whole(&self) -> Duration {
         self.pause * self.burst
     }

@@ -81,7 +81,8 @@ impl Certificates {
                     *present = Arc::new(new);
                     tracing::info!("new connections get the certificate that is in the file now");
                 }
-                // The two files do not change at the same instant, so the next change may fix this.
+                // The two files do not change at the same instant, so the next change can repair
+                // this error.
                 Err(error) => tracing::warn!("the certificate stays as it was: {error}"),
             }
         }
@@ -152,8 +153,8 @@ fn damage(certificate: &CertificateDer<'_>) -> Option<String> {
     };
     let (usage, now) = (KeyUsage::server_auth(), UnixTime::now());
     let at = |time: UnixTime| date_time(i64::try_from(time.as_secs()).unwrap_or(i64::MAX) * 1000);
-    // The dates are checked before the issuers. Errors about issuers are ignored, because none is given
-    // here.
+    // `verify_for_usage` checks the dates before the issuers. Errors about issuers are ignored,
+    // because no trusted issuer is passed to it.
     match parsed.verify_for_usage(&[], &[], &[], now, usage, None, None) {
         Err(webpki::Error::CertExpired { not_after, .. }) => {
             Some(format!("one that was valid until {}", at(not_after)))

@@ -32,7 +32,7 @@ pub struct AnalysisTask<C> {
     pub cancel: CancellationToken,
 }
 
-/// Why an analysis failed.
+/// The reason why an analysis failed.
 #[derive(Debug, thiserror::Error)]
 pub enum TaskError {
     /// The request is invalid.

@@ -1,8 +1,8 @@
 //! The child's side of long work in a child process.
 //!
-//! The child has a low priority and a memory limit. It reads its task from stdin and writes its results
-//! to stdout. It has no key. It receives the database's address only for a check. The child exits when
-//! stdin closes, because the server has then ended.
+//! The child has a low priority and a memory limit. It reads its task from stdin and writes its
+//! results to stdout. It does not get the experimenter's key. It receives the database's address
+//! only for a check. The child exits when stdin closes, because the server has then ended.
 
 mod analysis;
 mod check;
@@ -51,7 +51,7 @@ pub fn run(memory_mib: u64, threads: usize, nice: i32) -> io::Result<()> {
 
 /// Lowers the CPU priority, and limits the memory.
 fn restrain(memory_mib: u64, nice: i32) -> io::Result<()> {
-    // If this is not permitted, continue with normal priority.
+    // If the priority cannot be changed, continue with the present priority.
     let _ = setpriority_process(None, nice);
     // If the system runs out of memory, it should kill this process first.
     let _ = std::fs::write("/proc/self/oom_score_adj", "1000");
@@ -61,7 +61,8 @@ fn restrain(memory_mib: u64, nice: i32) -> io::Result<()> {
     Ok(())
 }
 
-/// Calls `hear` with each further message from the server. Exits when the server has ended.
+/// Starts a thread that calls `hear` with each further message from the server. When the server has
+/// ended, the thread exits this process.
 fn end_with_stdin(mut hear: impl FnMut(ToChild, Vec<u8>) + Send + 'static) {
     std::thread::spawn(move || {
         let mut orders = io::stdin().lock();

@@ -31,7 +31,7 @@ pub struct Children {
     pub memory_mib: u64,
     /// Number of threads per process.
     pub threads: usize,
-    /// The nice value of the processes. It is [`LOWEST_PRIORITY`] while data are being collected.
+    /// The nice value of the processes. By default, a server uses [`LOWEST_PRIORITY`].
     pub nice: i32,
 }
 
@@ -99,7 +99,7 @@ pub struct Running {
     memory_mib: u64,
 }
 
-/// Why a child process ended early.
+/// The reason why a child process ended early.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ended {
     /// The child failed. The sentence explains the reason to an experimenter.

@@ -27,7 +27,7 @@ pub enum ToChild {
     Check {
         /// The folder to which relative paths refer.
         folder: PathBuf,
-        /// The database's address. It may contain a password, so it is sent only to the child.
+        /// The database's address. It can contain a password, so it is sent only to the child.
         database: String,
         /// The backup to write, if any.
         backup: Option<PathBuf>,

@@ -88,7 +88,7 @@ impl Keeping {
         rest.max(self.first.min(every))
     }
 
-    /// The newest backup in the folder. It may be from an earlier run of the server.
+    /// The newest backup in the folder. An earlier run of the server might have written it.
     fn newest_backup(&self) -> Option<Backup> {
         let (folder, _) = self.backups.as_ref()?;
         let file = backups::list(folder, &self.code).ok()?.pop()?;
@@ -112,7 +112,8 @@ impl Keeping {
         let done = self.in_child(children, file.clone()).await;
         let at_ms = now_ms();
         let pruned = match (&done, &backup) {
-            // If there are faults, older backups may have data that newer backups lack.
+            // If there are faults, keep older backups, because they might have data that newer
+            // backups lack.
             (Ok((report, _)), Some((folder, keep, file))) if report.faults() == 0 => {
                 let written = file.file_name().unwrap_or_default().to_string_lossy();
                 backups::prune(folder, &self.code, *keep, &written)

@@ -89,8 +89,8 @@ pub struct Solver {
 }
 
 impl Solver {
-    /// Starts the solver. It logs a failed solve. Browsers that need the value function then solve for
-    /// it themselves.
+    /// Starts the solver. If a solve fails, the solver logs the error, and browsers that need the
+    /// value function compute it themselves.
     #[must_use]
     pub fn start(store: Store, study_stored: Arc<Notify>, children: Children) -> Self {
         let cancel = CancellationToken::new();

@@ -38,9 +38,10 @@ impl Library {
         &self.languages
     }
 
-    /// The texts of the configuration with this hash. They are in the first of the `wanted` languages
-    /// that the study offers, or otherwise in the first language of the study. If a participant has
-    /// `begun` in a language, they can continue in it, even if the study no longer offers it to others.
+    /// The texts of the configuration with this hash. They are in the first of the `wanted`
+    /// languages that the study offers, or otherwise in the first language of the study. If a
+    /// participant has `begun` in a language, they can continue in it even if the study no longer
+    /// offers it, unless the study names its languages.
     pub fn page<'a>(
         &self,
         config: &StudyConfig,

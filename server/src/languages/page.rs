@@ -37,12 +37,13 @@ impl Languages {
             Some(if is_same { html } else { format!("<div lang=\"{tag}\">{html}</div>") })
         };
         let check = check(study, language, &sentences);
-        // The sentences of these questions are already in the check.
+        // Leave out the sentences of Sidestep's own questions, because they are already in the
+        // check.
         let is_asked = |key: &str| STANDARD.iter().any(|name| key.starts_with(&prefix(name)));
         let said = sentences.iter().filter(|(key, _)| !is_asked(key));
         let sentences = said.map(|(key, text)| (key.to_owned(), text.clone())).collect();
         let mut offered = self.offered(study);
-        // A participant has begun in this language, so offer it too.
+        // If the study does not offer `language`, a participant has begun in it, so offer it too.
         if !offered.contains(&language) {
             offered.push(language);
         }
@@ -63,7 +64,7 @@ impl Languages {
         }
     }
 
-    /// The name of the language in this language.
+    /// The name of a language in the language itself, such as Deutsch.
     fn name<'a>(&'a self, study: &'a StudyConfig, tag: &'a str) -> &'a str {
         let key = "language.name";
         let own = study.texts.get(tag).and_then(|texts| texts.get(key)).map(String::as_str);

@@ -1,9 +1,9 @@
 //! The sentences of one language, from a TOML file with tables of sentences.
 //!
-//! The key of a sentence consists of the names on its path, joined by dots. A sentence may have
-//! placeholders, such as `{seconds}`. A sentence that depends on a number has a form for each plural
-//! category of Unicode (`.one`, `.few`, `.other` …). Languages may have different forms, but all have
-//! `.other`.
+//! The key of a sentence consists of the names on its path, joined by dots. A sentence can have
+//! placeholders, such as `{seconds}`. A sentence that depends on a number has a form for each
+//! plural category of Unicode (`.one`, `.few`, `.other` …). Languages can have different forms, but
+//! all have `.other`.
 
 use crate::formats::toml_lines::{Complaint, TomlLines};
 use sidestep::invalid::Invalid;
@@ -16,8 +16,8 @@ pub struct Sentences(BTreeMap<String, String>);
 /// The plural forms.
 const FORMS: [&str; 6] = ["zero", "one", "two", "few", "many", "other"];
 
-/// Pairs of a sentence and a placeholder. A study may omit the placeholder, because the sentence stays
-/// true without it.
+/// Pairs of a sentence and a placeholder. A study is allowed to omit the placeholder, because the
+/// sentence stays true without it.
 const MAY_OMIT: [(&str, &str); 3] =
     [("instructions.zone", "radius"), ("check_zone.right", "radius"), ("ready.how", "seconds")];
 
@@ -53,7 +53,8 @@ impl Sentences {
         self.0.iter().map(|(key, text)| (key.as_str(), text.as_str()))
     }
 
-    /// Replaces sentences by the sentences of `above` with the same keys, and adds the others.
+    /// Replaces sentences by the sentences of `above` with the same keys, and adds the sentences
+    /// with new keys.
     pub fn lay_over(&mut self, above: Self) {
         self.0.extend(above.0);
     }
@@ -114,7 +115,7 @@ impl Sentences {
         if let Some(place) = found.difference(&filled).next() {
             return Err(Invalid::new(key, listed(&filled), format!("{{{place}}}")));
         }
-        // `page.between` joins sentences, and may be a space or empty.
+        // `page.between` joins sentences, so it is allowed to be a space or empty.
         if text.trim().is_empty() && self.get(&like).is_some_and(|own| !own.trim().is_empty()) {
             return Err(Invalid::new(key, "a text", format!("{text:?}")));
         }
@@ -126,8 +127,8 @@ impl Sentences {
         }
     }
 
-    /// Whether a key is a plural form. This requires a sibling `.other`, and that all siblings are
-    /// plural forms.
+    /// Whether a key is a plural form: it has a sibling `.other`, and all its siblings are plural
+    /// forms.
     fn is_form(&self, key: &str) -> bool {
         let Some((stem, form)) = key.rsplit_once('.') else { return false };
         if !FORMS.contains(&form) || !self.0.contains_key(&format!("{stem}.other")) {

@@ -154,8 +154,8 @@ fn range(numbers: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
     [numbers.clone().fold(0.0, f64::min), numbers.fold(0.0, f64::max)]
 }
 
-/// The gains of one feature set over another that are in the findings. For each pair of sets: the
-/// heading of its chart, the name of its axis, and the gains.
+/// The gains of one feature set over another that the findings report. For each pair of sets: the
+/// title of its chart, the name of its axis, and the gains.
 fn gain_pairs(analysis: &Analysis) -> Vec<(&'static str, String, Vec<&Gain>)> {
     const PAIRS: [(&str, &str, &str); 3] = [
         ("hrd", "d", "Safety levels over distance alone"),
@@ -297,7 +297,7 @@ fn people_chart(of: &PeopleChart<'_>, y: Axis) -> Chart {
     chart
 }
 
-/// The accuracy of the models on B_hrd against their predicted probability.
+/// The accuracy of the models with the feature set B_hrd against their predicted probability.
 fn calibration(analysis: &Analysis) -> Figure {
     figure(
         "calibration",

@@ -35,8 +35,8 @@ const TEMPLATES: [(&str, &str); 7] = [
     ("tables.tex", include_str!("templates/tables.tex")),
 ];
 
-/// The program's style sheets. Each begins with the design tokens. The second text marks the end of the
-/// tokens.
+/// The program's style sheets. Each pair has a sheet that begins with the design tokens, and the
+/// text that follows the tokens.
 const SHEETS: [(&str, &str); 2] = [
     (include_str!("../../../static/style.css"), "*, *::before"),
     (include_str!("../../../static/lab.css"), "/* The first page"),

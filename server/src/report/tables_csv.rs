@@ -115,13 +115,13 @@ fn table2(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     write(out, &header, rows)
 }
 
-/// The ends of an interval. They are empty if too few participants differ.
+/// The ends of an interval. They are empty if the results differ for too few participants.
 fn ends(paired: &Paired) -> [String; 2] {
     paired.interval.map_or_else(Default::default, |ends| ends.map(signed_places))
 }
 
 /// Prints four decimal places, but never prints a nonzero number as zero. So the printed interval
-/// contains 0 only if the test agrees.
+/// contains 0 only if the exact interval does.
 fn signed_places(number: f64) -> String {
     /// The smallest positive number with four places.
     const LEAST: f64 = 1e-4;

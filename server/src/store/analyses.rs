@@ -40,11 +40,11 @@ pub struct StoredAnalysis {
     pub started_at_ms: Option<i64>,
     /// When it ended.
     pub ended_at_ms: Option<i64>,
-    /// Why it failed.
+    /// The reason why it failed.
     pub message: Option<String>,
     /// Summary of its result, once it is done.
     pub result: Option<AnalysisResult>,
-    /// Whether the study's data have changed since it began.
+    /// Whether the study's data have changed since the analysis began.
     pub stale: bool,
 }
 
@@ -149,7 +149,8 @@ impl Store {
         .await
     }
 
-    /// Cancels an analysis that has not ended. Its worker will notice. Returns the analysis in its new state.
+    /// Cancels an analysis that has not ended. Its worker notices this when it next stores progress
+    /// or a file. Returns the analysis in its new state.
     pub async fn cancel_analysis(
         &self,
         id: &str,

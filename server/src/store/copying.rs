@@ -3,9 +3,10 @@
 //!
 //! Each participant is copied in one transaction with everything stored about them, so an
 //! interrupted copy can resume. If the destination already has the participant, the hashes of all
-//! their rows in both databases are compared. If they differ, the participant is copied again, unless
-//! the destination's copy is newer. Rows keep their ids, and trials keep their order. The models and files of analyses are
-//! copied. Their cached cells are not copied, because they can be recomputed.
+//! their rows in both databases are compared. If they differ, the participant is copied again,
+//! unless the destination's copy is newer. Rows keep their ids, and trials keep their order. The
+//! models and files of analyses are copied. The cached cells of analyses are not copied, because
+//! they can be recomputed.
 
 mod columns;
 mod rows;
@@ -32,7 +33,7 @@ pub struct StudyCopy {
     /// Configurations by their hash.
     configs: Vec<(String, String)>,
     versions: Vec<(i64, String, i64, bool)>,
-    /// The encoded value functions by id. `safety` has the configuration and evader of each.
+    /// The encoded value functions by id. `safety` has the configuration and evader of each function.
     functions: BTreeMap<String, Vec<u8>>,
     safety: Vec<(String, String, String)>,
     /// The highest number of any of its trials.
@@ -122,7 +123,7 @@ pub struct CopyTarget {
     shift: i64,
 }
 
-/// Why a study is not copied.
+/// The reason why a study is not copied.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CopyRefusal {
     /// Another study has this name.
@@ -134,7 +135,7 @@ pub enum CopyRefusal {
 pub enum PutCopy {
     /// The participant was stored.
     Stored,
-    /// The participant is at the destination, unchanged.
+    /// The destination already has the same data of the participant.
     Present,
     /// The destination has newer data than the copy, and keeps them.
     Ahead,
@@ -182,8 +183,8 @@ impl Store {
         self.read_long(move |db| rows_copy(db, ANALYSIS_TABLES, &id)).await
     }
 
-    /// Stores a participant with all rows. An earlier copy that differs is replaced, unless that
-    /// would lose data.
+    /// Stores a participant with all rows. An earlier copy that differs is replaced, unless it has
+    /// newer data.
     pub async fn put_participant_copy(
         &self,
         target: CopyTarget,
@@ -202,7 +203,8 @@ impl Store {
                     analyses::withdraw(db, &copy.id)?;
                 }
             }
-            // The participant leaves the analyses here, and joins them again below.
+            // The rows of the participant are replaced, so the participant is removed from the
+            // analyses here and added again below.
             let analyses = analyses::leave(db, &copy.id)?;
             for table in PARTICIPANT_TABLES.iter().rev() {
                 db.execute(&table.delete(), [&copy.id])?;
@@ -254,7 +256,8 @@ impl Store {
         .await
     }
 
-    /// Stores the keys and the audit trail, if the database has no keys. Returns whether it did.
+    /// Stores the keys and the audit trail, if the database has no keys. Returns whether they were
+    /// stored.
     pub async fn put_access_copy(&self, copy: RowsCopy) -> Result<bool, StoreError> {
         self.write_behind([Lock::Keys], move |db| {
             let is_empty: bool =

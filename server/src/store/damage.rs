@@ -25,8 +25,8 @@ impl Store {
             .collect())
     }
 
-    /// Configurations and value functions whose content was altered, so that their key is no longer its
-    /// SHA-256.
+    /// Configurations and value functions whose key is no longer the SHA-256 of their content,
+    /// because the content was altered.
     ///
     /// # Errors
     /// If they cannot be read.
@@ -70,7 +70,7 @@ impl Store {
 }
 
 /// A line of SQLite's integrity check, with the root page of a b-tree replaced by the name of its
-/// table or index. Returns `None` for a heading.
+/// table or index. Returns `None` for a title line.
 fn told(line: &str, names: &BTreeMap<i64, String>) -> Option<String> {
     if line.starts_with("***") {
         return None;

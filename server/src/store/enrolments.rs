@@ -4,8 +4,8 @@
 //! counterbalanced across participants. A new participant gets the lowest free place. A place is
 //! free if it was never taken, or if its holder withdrew or was screened out. If the study has a
 //! quota, a participant who has not finished and has been away for the study's hold time no longer
-//! counts. When all places of the quota are taken, the next new participant gets the lowest place
-//! of a participant who is away.
+//! counts for the quota. When all places of the quota are taken, the next new participant gets the
+//! lowest place of a participant who is away.
 
 use super::lanes::Lock;
 use super::participants::{self, Participant, Scope, find};
@@ -29,7 +29,7 @@ pub struct NewParticipant {
     pub pilot_place: Option<u32>,
     /// Hash of the configuration of their enrolment.
     pub config_hash: String,
-    /// Language.
+    /// The language in which the participant read the consent text.
     pub locale: Option<String>,
     /// The screen, as JSON.
     pub screen: Option<String>,
@@ -44,7 +44,7 @@ pub struct NewParticipant {
 /// Who may enrol now.
 #[derive(Clone, Copy, Debug)]
 pub struct Gate {
-    /// Whether new participants are admitted. Pilots always are.
+    /// Whether new participants are admitted. Pilots are always admitted.
     pub is_open: bool,
     /// Maximum number of participants, or 0 if it is unlimited.
     pub quota: u64,

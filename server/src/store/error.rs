@@ -4,7 +4,7 @@ use sqlx::error::DatabaseError;
 use sqlx::postgres::PgDatabaseError;
 use std::io;
 
-/// Why an operation of the store failed.
+/// The reason why an operation of the store failed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StoreError {
     /// Too many writes are waiting.
@@ -108,7 +108,7 @@ fn of_sqlite(error: &dyn DatabaseError) -> StoreError {
 
 /// Meaning of PostgreSQL's error codes: appendix A of its documentation.
 fn of_postgres(error: &PgDatabaseError) -> StoreError {
-    // Omits the detail of the message, which contains values of rows.
+    // The detail of the error is omitted, because it contains values of rows.
     let message = error.message().replace('\n', " ");
     let advised = |advice: &str| StoreError::Unavailable(format!("{message}; {advice}"));
     match error.code() {
@@ -137,7 +137,7 @@ fn of_postgres(error: &PgDatabaseError) -> StoreError {
 /// Advice if no connection to PostgreSQL can be made.
 const NO_SERVER: &str = "check the host and the port, and that PostgreSQL runs there";
 
-/// Advice by words in the client's error.
+/// Words in an error of the client library, each with advice to the user.
 const ADVICE: [(&str, &str); 4] = [
     ("password missing", "give the password in PGPASSWORD or in the address"),
     ("allow writes", "it is a standby, or set to read-only; name the primary"),

@@ -20,8 +20,8 @@ pub struct NewImport {
     /// SHA-256 of the participant's part of the file. It identifies the participant if the file is
     /// imported again.
     pub hash: String,
-    /// Why an experimenter excluded the participant in the file's source, if the participant was
-    /// excluded.
+    /// The reason why an experimenter excluded the participant before the file was written. `None`
+    /// if the participant was not excluded.
     pub exclusion: Option<String>,
     /// The trials in order. The scene of a trial is its first state.
     pub trials: Vec<(PlannedRow, NewTrial)>,
@@ -88,8 +88,9 @@ impl Store {
             .await
     }
 
-    /// Undoes an import. Deletes these participants, who must be imported, with their trials. Also
-    /// deletes the study if it was created for the import and has no other participants.
+    /// Undoes an import. Deletes these participants, who must have been imported, with their
+    /// trials. Also deletes the study if it was created for the import and has no other
+    /// participants.
     pub async fn undo_import(
         &self,
         destination: &Destination,

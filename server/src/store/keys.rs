@@ -49,7 +49,7 @@ const FIRST: &str = "first key";
 /// The name of the key in the environment variable.
 pub const ENVIRONMENT: &str = "SIDESTEP_ADMIN_KEY";
 
-/// Reserved names.
+/// Names that experimenters cannot give to further keys.
 const RESERVED: [&str; 2] = [FIRST, ENVIRONMENT];
 
 /// The columns that [`StoredKey::of`] reads.
@@ -163,7 +163,7 @@ impl Store {
                 Some((_, _, true)) => return Ok(Revocation::Revoked),
                 Some((name, ..)) => entry.subject = Some(name),
             }
-            // The entry comes before the change, because a key may revoke itself.
+            // The entry comes before the change, because a key can revoke itself.
             audit::add(db, &entry)?;
             let revoke = "UPDATE api_key SET revoked_at_ms = $2 WHERE id = $1";
             db.execute(revoke, params![id, entry.at_ms])?;

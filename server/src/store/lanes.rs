@@ -19,9 +19,9 @@ pub(super) enum Lane {
 /// operation ends.
 ///
 /// SQLite has one writer, which runs one operation at a time, so it needs no locks. PostgreSQL has
-/// many writers on many servers. There an operation takes its locks before its first statement, in
-/// the order of this list, and its commit releases them. An operation with a single statement needs
-/// no locks.
+/// many writers on many servers. In PostgreSQL, an operation takes its locks before its first
+/// statement, in the order of this list, and its commit releases them. An operation with a single
+/// statement needs no locks.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) enum Lock {
     /// The list of studies, and their configurations.

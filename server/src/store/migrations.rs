@@ -14,10 +14,10 @@ use sqlx::{
     Postgres, Row as _, SqlSafeStr, Sqlite, Type,
 };
 
-/// The table of applied migrations, compatible with sqlx, which earlier versions used.
+/// The table of applied migrations, in the format of sqlx. Earlier versions used the same table.
 const TABLE: &str = "_sqlx_migrations";
 
-/// The former table of PostgreSQL's migrations, with other checksums.
+/// The table of applied migrations that earlier versions used in PostgreSQL. It has SHA-256 checksums.
 const FORMER_TABLE: &str = "sidestep_migration";
 
 /// The statement that counts a commit in the mark. It is part of the commit's transaction. See
@@ -62,7 +62,7 @@ const POSTGRES: Files = migrations! { "postgres":
     3 "0003_tallies_of_many",
 };
 
-/// Why a database cannot be migrated.
+/// The reason why a database cannot be migrated.
 #[derive(Debug)]
 pub(super) enum Failure {
     /// The database does not fit this program.
@@ -154,12 +154,13 @@ fn unfinished(db: &Connection) -> sql::Result<i64> {
     Ok(number.filter(is_ours).unwrap_or(0))
 }
 
-/// The number of a copy begins with these bits, and ends with bits of a hash. Other programs may set
-/// the version of a SQLite file, too.
+/// The number of a copy begins with these bits, and ends with bits of a hash of its source. The
+/// first bits are necessary because other programs can set the version of a SQLite file, too.
 const COPY: i64 = 0x5d00_0000;
 const COPY_BITS: i64 = 0x00ff_ffff;
 
-/// If a copy was begun, records which copy it is. Returns whether a different copy was begun before.
+/// If a copy without a recorded source was begun, records the hash of its source. Returns whether
+/// an unfinished copy has another source.
 pub(super) fn claim_copy(db: &Connection, hash: u32) -> Result<bool, StoreError> {
     let (found, number) = (unfinished(db)?, COPY | i64::from(hash) & COPY_BITS);
     if found == 1 {
@@ -180,7 +181,7 @@ pub(super) fn begin_copy(db: &Connection) -> Result<(), StoreError> {
 }
 
 /// If a copy was begun, records that it is complete. Otherwise changes nothing, because a user who
-/// copies into an existing database may not own its tables.
+/// copies into an existing database might not own its tables.
 pub(super) fn end_copy(db: &Connection) -> Result<(), StoreError> {
     if !is_unfinished(db)? {
         return Ok(());

@@ -1,6 +1,6 @@
-//! Why a database does not fit this version of the program.
+//! The reasons why a database does not fit this version of the program.
 
-/// Why a database cannot be migrated. Each message is a sentence about the database.
+/// The reason why a database cannot be migrated. Each message is a sentence about the database.
 #[derive(Debug, thiserror::Error)]
 pub enum Misfit {
     /// A newer version of the program migrated the database.

@@ -23,7 +23,7 @@ pub enum Purpose {
     Read,
 }
 
-/// Why a database cannot be used. The message is one line that names the database.
+/// The reason why a database cannot be used. The message is one line that names the database.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// The address does not name a database that this build supports.
@@ -72,7 +72,7 @@ pub enum OpenError {
         database: String,
         /// The log.
         log: PathBuf,
-        /// Why the log is not the database's own.
+        /// The reason why the log does not belong to the database.
         why: Misplaced,
     },
     /// The write-ahead log is damaged. SQLite would drop everything after the damaged part.

@@ -7,7 +7,7 @@ use sidestep::api::StudySummary;
 use sidestep::study::Status;
 
 impl Store {
-    /// Every study with its counts, oldest first. If a name is given, only this study.
+    /// Every study with its counts, oldest first, or only the study with the given name.
     pub async fn summaries(
         &self,
         slug: Option<String>,

@@ -15,11 +15,11 @@ use sidestep::api::ComprehensionResult;
 /// The outcome of a completion.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Completion {
-    /// Every trial is stored. The code is from the first completion.
+    /// Every trial is stored. A repeated completion gets the code of the first completion.
     Complete {
         /// The code.
         code: String,
-        /// Whether this token may see it.
+        /// Whether the holder of this token is allowed to see the code.
         visible: bool,
     },
     /// Trials are missing.
@@ -88,9 +88,9 @@ impl Store {
     /// before, or has driven a scene, nothing is stored. Returns whether the participation is over
     /// for the holder of the token.
     ///
-    /// A [`Scope::Continue`] token (`continues` is its hash) has its own number of attempts, one
-    /// per call. These attempts never end the participation. They count for the participant only if
-    /// the check is passed.
+    /// A [`Scope::Continue`] token (`continues` is its hash) has its own number of attempts. Each
+    /// call counts as one attempt. These attempts never end the participation. They count for the
+    /// participant only if the check is passed.
     pub async fn check_understanding(
         &self,
         participant_id: &str,
@@ -133,7 +133,7 @@ impl Store {
                 }
                 return Ok(has_failed(own));
             }
-            // The browser may have made several attempts offline.
+            // The participant may have made several attempts while the browser was offline.
             let attempts = before.max(attempts);
             let is_over = has_failed(attempts);
             db.execute(
@@ -232,10 +232,10 @@ impl Store {
 
     /// Stores a withdrawal. Idempotent. The participant's place becomes free. With `delete`, the
     /// participant's trials and everything that they entered are deleted, together with all results
-    /// computed from them. The participant's number remains, so that counts stay correct. Deleted
-    /// rows are overwritten immediately, and are removed from the write-ahead log when no reader
-    /// uses it. The audit entry `by` names the experimenter who did this, if it was not the
-    /// participant.
+    /// computed from these data. The participant's number remains, so that counts stay correct.
+    /// Deleted rows are overwritten immediately, and are removed from the write-ahead log when no
+    /// reader uses the log. `by` is the audit entry if an experimenter withdraws the participant.
+    /// It is `None` if the participant withdraws.
     pub async fn withdraw(
         &self,
         participant_id: &str,
@@ -347,7 +347,7 @@ pub(super) fn delete_data(db: &Connection, id: &str) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Records that a participant was active now.
+/// Records that a participant is active now.
 pub(super) fn seen(db: &Connection, participant_id: &str, now_ms: i64) -> Result<(), StoreError> {
     let row = params![participant_id, now_ms];
     Ok(db.execute_row_later(&SEEN, &[participant_id], row)?)
@@ -358,7 +358,7 @@ const SEEN: Rows = Rows {
     after: ") AS given WHERE id = given.column1",
 };
 
-/// The participant with this value in a column.
+/// The participant of a study with this value in this column.
 pub(super) fn find(
     db: &Connection,
     study_id: i64,

@@ -83,7 +83,7 @@ impl SortBy {
 /// Filter and order of a list of participants.
 #[derive(Clone, Debug)]
 pub struct Selection {
-    /// Pilots instead of participants.
+    /// Whether the list contains pilots instead of participants.
     pub pilots: bool,
     /// Whether external ids and completion codes are shown and searched.
     pub identities: bool,
@@ -119,8 +119,9 @@ impl Store {
     }
 }
 
-/// The ids of participants of study $1 and pilots $2 whose number, external id or completion code
-/// matches the search. The search is bound to three parameters, from the number `first` on.
+/// The query for the ids of participants of study $1 whose number, external id or completion code
+/// matches the search. $2 states whether pilots are searched instead of participants. The search is
+/// bound to three parameters, from the number `first` on.
 fn found(first: usize) -> String {
     let [number, text, identities] = [0, 1, 2].map(|i| format!("${}", first + i));
     format!(
@@ -161,7 +162,7 @@ fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<Participant
     };
     let (by, order) = (asked.sort.column(), if asked.descending { "DESC" } else { "ASC" });
     let [limit, offset] = [1, 2].map(|i| format!("${}", chosen.len() + i));
-    // The subquery finds the rows of the page, so that only these are joined.
+    // The subquery finds the rows of the page, so that only these rows are joined.
     let mut statement = db.prepare_cached(&format!(
         "{SUMMARY} WHERE tally.participant_id IN (SELECT participant_id FROM tally WHERE {filter} \
              ORDER BY {by} {order}, number LIMIT {limit} OFFSET {offset}) \

@@ -6,7 +6,7 @@ use super::sql::{Connection, OptionalExtension, Row, ToSql, params};
 use super::{Store, StoreError};
 use sidestep::api::{PredictorChoices, PredictorPage, PredictorSource, PredictorSummary, TrialUse};
 
-/// A model of an analysis. The file of the model is stored.
+/// The metadata of a model of an analysis. The file of the model must be stored already.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewPredictor {
     /// The name of its file.
@@ -21,7 +21,7 @@ pub struct NewPredictor {
     pub experiment: u8,
     /// The name of the feature set.
     pub features: String,
-    /// The names of the features in it.
+    /// The names of the features in the feature set.
     pub columns: Vec<String>,
     /// Accuracy in cross-validation, from 0 to 1.
     pub cv_accuracy: f64,
@@ -162,8 +162,8 @@ impl Store {
 const OF_ANALYSIS: &str = "analysis = $1 \
      AND (SELECT state FROM analysis WHERE sequence = $1) = 'done'";
 
-/// The SQL condition for models, or kinds of models, that pass a filter. An index finds the models of a
-/// participant.
+/// The SQL condition for models, or kinds of models, that pass a filter. If the filter names a
+/// participant, an index finds their models.
 fn filter(asked: &Selection) -> String {
     let participant = match asked.participant {
         Some(_) => "participant_number = $2",
@@ -194,8 +194,9 @@ fn page(db: &Connection, id: &str, asked: &Selection) -> Result<Option<Predictor
     let mut bound: Vec<&dyn ToSql> =
         vec![&analysis, &asked.participant, &asked.model, &asked.experiment, &asked.features];
     let filter = filter(asked);
-    // A participant has about a hundred models, but an analysis may have a million models. The models
-    // of an analysis are therefore counted in advance.
+    // A participant has about a hundred models, but an analysis can have a million models. The
+    // numbers of models of an analysis are therefore counted in advance, in the table
+    // `predictor_kind`.
     let query = match asked.participant {
         Some(_) => format!("SELECT count(*) FROM analysis_predictor WHERE {filter}"),
         None => format!(

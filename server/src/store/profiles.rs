@@ -19,7 +19,7 @@ pub struct Profile {
     pub study: String,
     /// Hash of the configuration of their enrolment.
     pub config_hash: String,
-    /// When they withdrew, if they did.
+    /// When they withdrew, if they have withdrawn.
     pub withdrawn_at_ms: Option<i64>,
     /// Whether their data were deleted.
     pub data_deleted: bool,

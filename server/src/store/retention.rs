@@ -95,8 +95,8 @@ impl Store {
     /// Deletes a participant's data that a rule concerns, unless the participant was seen at or
     /// after `before_ms`. Returns whether it deleted anything.
     ///
-    /// Without identifying data, participants can continue only in the browser in which they began.
-    /// Their trials stay.
+    /// After identifying data were deleted, participants can continue only in the browser in which
+    /// they began. Their trials stay.
     pub async fn delete_due(
         &self,
         id: &str,
@@ -134,7 +134,8 @@ impl Store {
         Ok(deleted)
     }
 
-    /// Deletes audit entries older than `before_ms`, and adds an entry about it. Returns how many it deleted.
+    /// Deletes audit entries older than `before_ms`, and adds an entry about the deletion. Returns
+    /// the number of deleted entries.
     pub async fn shorten_audit(
         &self,
         before_ms: i64,

@@ -33,7 +33,7 @@ pub struct RosterEntry {
     /// Whether their data were deleted.
     pub data_deleted: bool,
     /// Number of stored trials in each phase, in the order of
-    /// [`Phase::ALL`](sidestep::trial::Phase::ALL), counted when they were stored.
+    /// [`Phase::ALL`](sidestep::trial::Phase::ALL). The trials were counted when they were stored.
     pub trials: [i64; 3],
     /// Recorded URL parameters.
     pub parameters: BTreeMap<String, String>,

@@ -59,7 +59,7 @@ impl Snapshot {
     /// # Errors
     /// [`StoreError`] if the file cannot be created.
     pub fn create(path: &Path) -> Result<Self, StoreError> {
-        // SQLite would open an existing file.
+        // Without this call, SQLite would open an existing file instead of refusing it.
         private::new_file(path).map_err(|error| StoreError::Unavailable(error.to_string()))?;
         let options = SqliteConnectOptions::new()
             .filename(path)

@@ -120,7 +120,7 @@ macro_rules! params {
 
 pub(super) use params;
 
-/// A query of SQLite for references to missing rows, each as a sentence.
+/// A SQLite query that finds references to missing rows, and describes each reference in a sentence.
 pub(super) const DANGLING: &str = "SELECT \"table\" || ': row ' || coalesce(rowid, -1) || \
      ' refers to nothing in ' || parent FROM pragma_foreign_key_check";
 
@@ -166,7 +166,7 @@ impl Connection {
         Self { link, waiting, asked }
     }
 
-    /// A session with PostgreSQL. It must not be used on a thread that drives `runtime`.
+    /// A session with PostgreSQL. It must not be used on a thread that runs the tasks of `runtime`.
     pub(super) fn to_server(session: PoolConnection<Postgres>, runtime: Handle) -> Self {
         Self::to(Link::Postgres(Box::new(session), runtime))
     }
@@ -219,11 +219,12 @@ impl Connection {
         read(&Row::Postgres(rows.into_iter().next().ok_or(Error::NoRow)?))
     }
 
-    /// Defers a statement for one row of parameters. The statement must not return a result. All
-    /// deferred rows of a statement are executed as one batch, before the next statement that is not
-    /// deferred or at the end of the transaction. Errors are reported only then. The rows of a batch
-    /// have different targets, so they do not affect each other. Batches are executed in the order of
-    /// their first rows.
+    /// Defers a statement for one row of parameters. The statement must not return a result.
+    /// `targets` identify what the row changes, such as the id of a participant. All deferred rows
+    /// of a statement are executed as one batch, before the next statement that is not deferred or
+    /// at the end of the transaction. Errors are reported only at this time. The rows of a batch
+    /// have different targets, so they do not affect each other. Batches are executed in the order
+    /// of their first rows.
     pub(super) fn execute_row_later(
         &self,
         rows: &'static Rows,

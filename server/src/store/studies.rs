@@ -1,7 +1,7 @@
 //! Studies and their configurations.
 //!
 //! A configuration is identified by the SHA-256 of its stored JSON. Only this file computes the
-//! hash, when it stores new JSON. Other code reads the hash with the row. A configuration stored by
+//! hash, when it stores new JSON. Other code reads the hash from the row. A configuration stored by
 //! an earlier version keeps its hash, even if this version would write different JSON.
 
 use super::audit::{self, NewEntry};
@@ -35,7 +35,7 @@ pub struct StudyVersion {
     pub hash: String,
     /// The configuration, with the last status that it had.
     pub config: Arc<StudyConfig>,
-    /// Since when new participants get the configuration (ms since 1970).
+    /// The time since which new participants get the configuration (ms since 1970).
     pub since_ms: i64,
     /// Whether it came from the study file of a command.
     pub by_file: bool,
@@ -64,7 +64,7 @@ impl StudyVersion {
 /// The outcome of changing a study.
 #[derive(Clone, Debug)]
 pub enum ChangeStudy {
-    /// The study has the configuration.
+    /// The study now has the new configuration.
     Stored(StoredStudy),
     /// Another experimenter has changed the study. Nothing was stored.
     ChangedMeanwhile,
@@ -245,7 +245,8 @@ fn config(db: &Connection, hash: &str) -> Result<StudyConfig, StoreError> {
     serde_json::from_str(&json).map_err(faulty)
 }
 
-/// Stores a configuration under the hash of its JSON, unless the study's configuration is equal.
+/// Stores a configuration under the hash of its JSON, unless the study already has an equal
+/// configuration.
 pub(super) fn put(
     db: &Connection,
     new: &Arc<StudyConfig>,

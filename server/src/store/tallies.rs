@@ -1,7 +1,7 @@
 //! Tallies: one row per participant with the values by which lists filter and sort. They are
 //! derived from the stored participant, exclusions and trials. Computing them for each list would
-//! be slow. Database triggers copy the values of the participant. The values of trials are counted
-//! here.
+//! be slow. Database triggers copy the values of the participant. This module counts the values of
+//! trials.
 
 use super::lanes::Lock;
 use super::sql::{Connection, Rows, params};
@@ -74,7 +74,8 @@ pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result
         trial.waiting,
         study_id,
     ];
-    // If two trials have the same key times, the count of the later trial must find the earlier trial.
+    // Two trials with the same key times have the same target, because the count of the later trial
+    // must find the earlier trial.
     let timing = trial.key_timing.map(|timing| format!("timing {study_id} {timing}"));
     let targets: Vec<_> =
         [Some(trial.participant_id), timing.as_deref()].into_iter().flatten().collect();

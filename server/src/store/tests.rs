@@ -28,7 +28,7 @@ use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 
 /// A new, separate store. It is in the PostgreSQL cluster that `SIDESTEP_TEST_POSTGRES` names (an
-/// address with DATABASE in place of the database name). Without this variable, the store is a file.
+/// address with DATABASE instead of the database name). Without this variable, the store is a file.
 pub(crate) async fn store() -> (TempDir, Store) {
     let (folder, url) = address().await;
     (folder, Store::open(&url, Purpose::Create).await.unwrap())
@@ -56,7 +56,7 @@ pub(crate) async fn file_store() -> (TempDir, Store) {
     (folder, store)
 }
 
-/// Identifiers by which an enrolling participant may be recognised.
+/// Identifiers by which an enrolling participant can be recognised.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Known {
     pub(crate) external_key: Option<String>,
@@ -351,7 +351,7 @@ async fn somebody_new_gets_the_lowest_free_place() {
     assert_eq!(comes("e", gate(0, 15), 21).await, Some(3));
     store.withdraw("a", true, 22, None).await.unwrap();
     assert_eq!(comes("f", gate(0, 0), 23).await, Some(0));
-    // Four participate: c, d, e and f. Participant c has been away since 10.
+    // Four participants have places: c, d, e and f. Participant c has been away since the time 10.
     assert_eq!(comes("g", gate(4, 0), 30).await, None);
     assert_eq!(comes("g", gate(4, 15), 30).await, Some(2));
     assert_eq!(comes("h", gate(4, 15), 30).await, None);
@@ -501,7 +501,7 @@ async fn a_copy_has_everything_and_can_be_repeated() {
     };
     assert_eq!(members().await, ["ada", "bob"]);
 
-    // A participant who has done more since is copied again.
+    // A participant who has stored more trials since the copy is copied again.
     from.put_trial("ada", trial("ada-1", TurnInput::Right)).await.unwrap();
     let more = transfer::copy(&from, &to, &slugs, &stop, ignore).await.unwrap();
     assert_eq!((more.present, more.trials), (2, 4));
@@ -510,7 +510,8 @@ async fn a_copy_has_everything_and_can_be_repeated() {
     assert_eq!(members().await, ["ada", "bob"]);
     assert!(to.note_progress(&job, [1, 2, 1], 8).await.unwrap());
 
-    // A participant who has done more at the destination, or was deleted there, is left unchanged.
+    // A participant who was seen later at the destination, or was deleted at the destination, is
+    // left unchanged.
     let late = NewTrial { received_at_ms: 9, ..trial("cleo-0", TurnInput::Left) };
     assert!(matches!(to.put_trial("cleo", late).await, Ok(PutTrial::Withdrawn)));
     let seen = move |db: &Connection| {
@@ -547,7 +548,7 @@ async fn a_copy_has_everything_and_can_be_repeated() {
     assert!(matches!(refused, Err(TransferError::OtherStudy(_))), "{refused:?}");
 }
 
-/// A killed command leaves no database that seems complete.
+/// After a copy command was killed, the database does not seem complete.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_copy_that_was_not_finished_is_refused_until_it_is() {
     let (_folder, url) = address().await;

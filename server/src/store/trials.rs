@@ -38,7 +38,7 @@ pub struct NewTrial {
     pub outcome: Outcome,
     /// A number derived from the times of its key events, if there are enough events.
     pub key_timing: Option<i64>,
-    /// The id for another trial in the same scene, if the scene must be driven again.
+    /// The id for a further trial in the same scene, if the scene must be driven again.
     pub repeated_as: Option<String>,
     /// Number of further trials that wait in the participant's browser.
     pub waiting: u32,

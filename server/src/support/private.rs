@@ -68,7 +68,7 @@ pub(crate) fn claim(open: File, path: &Path) -> io::Result<Option<File>> {
     if let Err(TryLockError::WouldBlock) = open.try_lock() {
         return Ok(None);
     }
-    // On a file system without locks, no process deletes it.
+    // If the file system has no locks, `sweep` deletes nothing, so a lock is not necessary.
     let own = open.metadata()?;
     let is_there = |found: Metadata| (found.dev(), found.ino()) == (own.dev(), own.ino());
     Ok(path.symlink_metadata().is_ok_and(is_there).then_some(open))

@@ -2,7 +2,7 @@
 
 use tokio::sync::oneshot;
 
-/// Why a computation gave no result.
+/// The reason why a computation gave no result.
 #[derive(Debug, thiserror::Error)]
 pub enum ThreadError {
     /// The system cannot start another thread.
@@ -16,8 +16,8 @@ pub enum ThreadError {
 /// Runs `work` on a thread called `name` and waits for its result. Parallel loops in `work` use
 /// `threads` threads, or one per processor if `threads` is `None`.
 ///
-/// This is not a blocking task of the runtime, because a runtime waits for its blocking tasks when it
-/// shuts down. A command must be able to end while abandoned work is still running.
+/// The work is not a blocking task of the runtime, because a runtime waits for its blocking tasks
+/// when it shuts down. A command must be able to end while abandoned work is still running.
 ///
 /// # Errors
 /// [`ThreadError`] if no thread can be started, or `work` panicked.

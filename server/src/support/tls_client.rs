@@ -15,7 +15,7 @@ pub fn config(roots: RootCertStore) -> Result<ClientConfig, rustls::Error> {
 }
 
 /// The certificate authorities of this system, or of the file in SSL_CERT_FILE. If there are none,
-/// connecting fails with its own error.
+/// an error occurs only when a client connects.
 #[must_use]
 pub fn system_roots() -> RootCertStore {
     let mut roots = RootCertStore::empty();

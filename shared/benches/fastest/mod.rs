@@ -20,7 +20,8 @@ struct Sample {
 }
 
 impl Fastest {
-    /// Measures `work`. Its name in the output is `name` without the prefix of its group.
+    /// Measures `work`. Criterion prints the part of `name` after the slash, because it prints the
+    /// name of the group itself.
     pub(crate) fn measure(
         &mut self,
         group: &mut BenchmarkGroup<'_, WallTime>,
@@ -52,8 +53,8 @@ impl Fastest {
     }
 
     /// Prints a table of all measurements. `budgets` are the maximum times per item (s), and
-    /// `ratios` are pairs of a measurement and its baseline. A ratio above 1 is faster than the
-    /// baseline.
+    /// `ratios` are pairs of a measurement and its baseline. A ratio above 1 means that the
+    /// measurement is faster than its baseline.
     pub(crate) fn print_ratios(&self, ratios: &[(&str, &str)], budgets: &[(&str, f64)]) {
         let head = ["fastest sample", "time", "budget", "baseline", "ratio"];
         println!(

@@ -1,4 +1,5 @@
-//! The training rows of the reference's eight synthetic people, and the paper's feature sets.
+//! The training rows of eight synthetic people (`shared/tests/data/features.csv`), and the paper's
+//! feature sets.
 
 /// Number of columns of the feature set hrd.
 pub(crate) const WIDTH: usize = 8;

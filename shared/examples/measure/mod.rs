@@ -17,12 +17,12 @@ pub(crate) const MITCHELL: PursuitGame = {
     let vehicle = VehicleModel { speed_mps: 5.0, turn_rate_radps: 1.0 };
     PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 5.0 }
 };
-/// Horizon of the game that the peers solve (s). Optimal play ends within π s.
+/// Horizon of the comparison with other solvers, the peers (s). Optimal play ends within π s.
 pub(crate) const HORIZON_S: f64 = 2.8;
 /// Volume of the closed form's set {V ≤ 0} (m²·rad).
 pub(crate) const VOLUME: f64 = 885.81943;
 
-/// The peers' domain, with these numbers of nodes.
+/// A grid over the domain that is used in the comparison with the peers.
 pub(crate) fn air3d_grid([x, y, psi]: [usize; 3]) -> Grid<3> {
     let axes = [
         Axis::bounded(-6.0, 20.0, x),

@@ -22,7 +22,8 @@ const SCHEMES: [(&str, Scheme); 4] = [
     ("ENO3", Scheme::Eno3),
     ("WENO5", Scheme::Weno5),
 ];
-/// Name under which the closed form's values on the nodes are listed among the schemes.
+/// Name of the closed form in the list of schemes. Its values on the nodes are measured like those
+/// of a scheme.
 pub(crate) const EXACT: &str = "closed form";
 /// 25, 50, 75 and 100 intervals along x, and intervals of the same length along y.
 const GRIDS: [[usize; 3]; 4] = [[26, 20, 25], [51, 40, 50], [76, 59, 75], [101, 79, 100]];

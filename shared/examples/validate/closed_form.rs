@@ -60,7 +60,8 @@ pub(crate) fn check(known: &Known) -> Result<Value, Box<dyn Error>> {
     }))
 }
 
-/// The Hamiltonian H(x, p). The evader's turn rate maximises, and the pursuer's minimises.
+/// The Hamiltonian H(x, p). The evader's turn rate maximises it, and the pursuer's turn rate
+/// minimises it.
 fn hamiltonian(game: &PursuitGame, [x, y, psi]: [f64; 3], [p1, p2, p3]: [f64; 3]) -> f64 {
     let (sin, cos) = sin_cos(psi);
     let speed = game.pursuer.speed_mps;

@@ -23,8 +23,8 @@ const FASTER: PursuitGame = PursuitGame {
     pursuer: VehicleModel { speed_mps: 2.4, turn_rate_radps: 0.4 },
     radius_m: 2.5,
 };
-/// States of the unequal pair whose values differ from the reference by more than this (m) are
-/// checked again.
+/// If the value of a state in the game of unequal vehicles differs from the reference by more than
+/// this (m), the state is checked again.
 const APART_M: f64 = 0.04;
 
 /// Errors for one game at one accuracy.
@@ -122,8 +122,8 @@ fn compared(game: &'static str, solutions: &[Solved], known: &States) -> Vec<Che
     ACCURACIES.into_iter().zip(solutions).map(of).collect()
 }
 
-/// The unequal pair on two rectangular grids and on a fine polar grid, at the states of the
-/// independent solution.
+/// Solves the game of unequal vehicles on two rectangular grids and on a fine polar grid. Compares
+/// the solutions at the states of the independent reference solution.
 fn apart() -> Result<Value, Box<dyn Error>> {
     let options = Options::default().with_horizon(HORIZON_S);
     let polar = solved(GAME, &options.with_accuracy(Accuracy::Fine))?;

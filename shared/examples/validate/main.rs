@@ -1,7 +1,7 @@
 //! Measures the accuracy of this library's value functions, and prints numbers and pictures as one
 //! JSON object. From this object `cargo xtask validate` makes `docs/validation/reachability.md`.
 //!
-//! With the argument `reference`, it prints `shared/tests/data/states_faster.csv` instead, which
+//! With the argument `reference`, it prints `shared/tests/data/states_faster.csv` instead. This
 //! takes an hour.
 //!
 //! The output is reproducible, because nothing is timed and random states come from fixed seeds.

@@ -49,8 +49,8 @@ fn fineness() -> CurveSettings {
     CurveSettings::default().with_flatness(0.002).with_spacing(0.1)
 }
 
-/// Measures how far the curves traced through a solution's grid are from the solution's {V = 0}: by
-/// |V| (m) at the points of the curves and midway between them, at 24 headings.
+/// Measures how far the traced level curves of a solution are from its {V = 0}. The measure is |V|
+/// (m) at the points of the curves and midway between neighbouring points, at 24 headings.
 pub(crate) fn traced(solved: &Solved) -> Result<Errors, Box<dyn Error>> {
     let polar = &solved.function;
     let mut errors = Vec::new();

@@ -23,7 +23,8 @@ pub(crate) struct Check {
     range_m: f64,
     sweeps: usize,
     drift_m: f64,
-    /// Errors at the states that count: at random states (`random`) and at nodes (`at_nodes`).
+    /// Errors at random states (`random`) and at nodes (`at_nodes`), without the states that
+    /// [`counts`] omits.
     random: Errors,
     at_nodes: Errors,
     /// Excess of the volume of {V ≤ 0} over the closed form's volume (percent).
@@ -33,13 +34,13 @@ pub(crate) struct Check {
     pub(crate) exceedance: Vec<(f64, f64)>,
 }
 
-/// Number of random states. Their ranges are at most 5 turning radii, and {V = 0} extends to at
-/// most 3.6.
+/// Number of random states. Their ranges are at most 5 turning radii. {V = 0} extends to a range of
+/// at most 3.6 turning radii.
 pub(crate) const STATES: usize = 200_000;
-/// Only states with |V| below this (m) count.
+/// States with |V| of at least this (m) are omitted from the error statistics.
 const NEAR_M: f64 = 0.5;
-/// Only states at which the pursuer can reduce the range by more than this (m) count. Elsewhere V =
-/// r − R, which is stored exactly and would make the quantiles look better.
+/// States at which the pursuer can reduce the range by at most this (m) are omitted, too. At such
+/// states, V = r − R, which is stored exactly and would make the quantiles look better.
 const CLOSING_M: f64 = 1e-6;
 
 pub(crate) const ACCURACIES: [(&str, Accuracy); 3] =
@@ -105,7 +106,7 @@ pub(crate) fn check(known: &Known, solutions: &[Solved]) -> Result<Vec<Check>, B
     Ok(checks)
 }
 
-/// Whether a state with this value counts.
+/// Whether a state with this value is included in the error statistics.
 pub(crate) fn counts(game: &PursuitGame, state: [f64; 3], value: f64) -> bool {
     value.abs() < NEAR_M && game.target(state) - value > CLOSING_M
 }

@@ -22,7 +22,7 @@ pub(crate) const HORIZON_S: f64 = 6.0;
 /// Numbers of nodes of the rectangular grid.
 pub(crate) const CARTESIAN: [usize; 3] = [81, 81, 60];
 
-/// Measures both solvers on the unequal pair.
+/// Measures both solvers on the game of unequal vehicles.
 pub(crate) fn check() -> Result<Value, Box<dyn Error>> {
     let grid = CartesianGrid::new(CARTESIAN, [-20.0, 20.0, -20.0, 20.0]);
     let finite = solved(GAME, &Options::default().with_horizon(HORIZON_S).with_grid(grid))?;

@@ -1,4 +1,5 @@
-//! Compares every cell with the reference, and finds the reason why some differ.
+//! Compares every cell with the reference (scikit-learn), and finds the reason why some cells
+//! differ.
 
 use std::error::Error;
 
@@ -19,7 +20,7 @@ use crate::learning::why::{Choice, Right, same_numbers, same_setting, why};
 /// Numbers of training and test rows of a person.
 const ROWS: [f64; 2] = [2000.0, 500.0];
 
-/// A setting of a cell that differs, fitted again by scikit-learn
+/// The result of scikit-learn for one setting of a cell whose accuracy differs from the reference
 /// (`tests/peers/learning_again.py`).
 #[derive(Deserialize)]
 struct Again {
@@ -57,7 +58,7 @@ pub(crate) fn check(
             let (of_reference, own) =
                 (choice(&theirs.hyperparameters)?, choice(&ours.hyperparameters)?);
             let why = why(&theirs.model, &of_reference, &own);
-            // A single line if both chose the same setting.
+            // Lists a single choice if the reference and we chose the same setting.
             let choices = match same_setting(&of_reference, &own) {
                 true => vec![("both", own)],
                 false => vec![("reference", of_reference), ("ours", own)],

@@ -1,5 +1,4 @@
-//! The reference's synthetic people with the reference's features, compared like `sidestep analyze`
-//! does.
+//! Runs the comparison of `sidestep analyze` on the reference's synthetic people and features.
 
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -20,8 +19,8 @@ use crate::recorded::{self, TASKS};
 /// Number of steps of each task.
 const STEPS: usize = 50;
 
-/// The people of trials.csv. Their features B_hrd come from features.csv, which scikit-learn used;
-/// the other features are computed.
+/// The people of trials.csv. Their features B_hrd come from features.csv, which scikit-learn used.
+/// The other features are computed by this function.
 fn people(
     parameters: &SceneParameters,
     safety: &SafetyLevels,

@@ -42,7 +42,7 @@ pub(crate) fn check() -> Found {
         "bounds": BOUNDS,
         "steps": STEPS,
         "accuracy_m": ACCURACY_M,
-        // Maximum error of the area, and maximum error as a share of areas of at least 0.1 m².
+        // Maximum error of the area, and maximum relative error of areas of at least 0.1 m².
         "worst_m2": worst_m2,
         "worst_share": worst_share,
         // Area that is reachable in ten steps with all turn rates: computed from the polygon, and

@@ -71,7 +71,7 @@ pub(crate) fn any_pose(rng: &mut SeededRng) -> Pose {
 }
 
 /// A random drive: the states at the ends of `parts` equal parts of each step. The turn rate
-/// changes at random, also within a step. Two thirds of the drives use only the bounds themselves.
+/// changes at random, also within a step. In two thirds of the drives, it is always at a bound.
 pub(crate) fn drive(
     mut pose: Pose,
     (lo, hi): &Rates,

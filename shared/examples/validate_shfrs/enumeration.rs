@@ -15,11 +15,12 @@ const SHORT: (usize, usize) = (3, 12);
 const LONG: (usize, usize) = (10, 4);
 /// Number of bounds of each kind.
 const BOUNDS: usize = 10;
-/// The switching times of the nearest inputs are then refined, until an end is within `NEAR_M` of
-/// the point or changes by `LEAST_MOVE_S` no longer help.
+/// After the enumeration, the switching times of the inputs that end nearest to the point are
+/// refined. The refinement stops when an end is within `NEAR_M` of the point, or when changes by
+/// `LEAST_MOVE_S` no longer help.
 const NEAR_M: f64 = 1e-4;
 const LEAST_MOVE_S: f64 = 1e-5;
-/// Number of rate sequences that are refined.
+/// Number of rate sequences whose nearest input is refined.
 const NEAREST: usize = 6;
 
 /// An input with three successive rates and two switching times (s). A rate is the lowest (0), the
@@ -106,7 +107,7 @@ pub(crate) fn check() -> Found {
     let long = [Kind::Everything, Kind::Straight].map(|kind| (kind, LONG));
     let mut checks = Vec::new();
     for (kind, (steps, parts)) in short.into_iter().chain(long) {
-        // Only one choice of bounds admits every turn rate.
+        // The bounds that admit every turn rate are unique, so they are tested only once.
         let bounds = if kind == Kind::Everything { 1 } else { BOUNDS };
         let (mut tried, mut points, mut farthest_m) = (0, 0, 0.0_f64);
         for _ in 0..bounds {

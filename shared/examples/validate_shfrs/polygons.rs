@@ -22,7 +22,8 @@ const COMPARED: usize = 5;
 const BOUNDS: usize = 125;
 const DRIVES: usize = 200;
 const PARTS: usize = 5;
-/// Maximum number of steps. Up to this number, front and rear boundaries are graphs.
+/// Maximum number of steps. Up to this number, the front and rear boundaries are graphs of
+/// functions.
 const STEPS: usize = 15;
 
 /// Results for bounds of one kind, with poses and uncertain starts.
@@ -39,7 +40,7 @@ struct OfKind {
     compared: usize,
     /// Maximum distance by which a conservative polygon exceeds the exact polygon (m).
     excess_m: f64,
-    /// Maximum excess area (m²), and maximum excess as a share of exact areas of at least 0.1 m².
+    /// Maximum excess area (m²), and maximum relative excess for exact areas of at least 0.1 m².
     excess_m2: f64,
     excess_share: f64,
 }

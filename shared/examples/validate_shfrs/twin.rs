@@ -1,5 +1,6 @@
-//! The level-set solver as an independent twin. It computes the set that a vehicle reaches within
-//! two seconds from a small set of poses, on grids of increasing resolution.
+//! Compares the reachable sets with the level-set solver, which is an independent twin. The solver
+//! computes the set that a vehicle reaches within two seconds from a small set of poses, on grids
+//! of increasing resolution.
 //!
 //! A level set on a grid needs an initial set of a few cells, so the start is a disc with an
 //! interval of headings. The twin's result is a function V(x, y, ψ). Its shadow in the plane is the

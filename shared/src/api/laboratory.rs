@@ -111,7 +111,7 @@ pub fn scene_words(phase: Phase, index: usize, attempt: u32) -> String {
     }
 }
 
-/// Heading of a trial on pages and in figures: the study, the participant's number, the scene in
+/// Title of a trial on pages and in figures: the study, the participant's number, the scene in
 /// words, and a mark if a program drove.
 #[must_use]
 pub fn trial_heading(study: &str, number: i64, scene: &str, synthetic: bool) -> String {

@@ -279,9 +279,11 @@ mod tests {
         assert_eq!(raw([0.4, 0.2, 0.4], 1), (-0.5, 0.5));
         assert_eq!(raw([0.6, 0.2, 0.2], 2), (-0.5, 0.5));
         assert_eq!(raw([0.2, 0.6, 0.2], 1), (0.0, 0.0));
-        // The second most likely action has probability 0, so all actions tie with it.
+        // The second most likely action has probability 0. The third action ties with it, so all
+        // actions are likely.
         assert_eq!(raw([1.0, 0.0, 0.0], 2), (-0.5, 0.5));
-        // Thirds that a file or a softmax rounded in different directions.
+        // All probabilities are thirds, but a file or a softmax rounded them in different
+        // directions.
         for last in [0.3333333333333334, 1.0 / 3.0, 0.3333333333333332] {
             assert_eq!(raw([1.0 / 3.0, 1.0 / 3.0, last], 1), (-0.5, 0.5), "{last}");
         }

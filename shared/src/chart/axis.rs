@@ -39,7 +39,8 @@ impl Axis {
         Self::ticked(name, unit, ends, multiples(ends, step, 1.0))
     }
 
-    /// A linear axis over `range` widened to round numbers, with at most `most` + 1 steps.
+    /// A linear axis whose ends are `range`, rounded outwards to round numbers. It has at most
+    /// `most` + 1 steps.
     #[must_use]
     pub fn round(name: &str, unit: &str, range: [f64; 2], most: usize) -> Self {
         let [low, high] = proper(range);
@@ -152,7 +153,8 @@ fn proper([low, high]: [f64; 2]) -> [f64; 2] {
 #[must_use]
 pub fn round_step(length: f64, most: usize) -> f64 {
     let least = length.clamp(1e-300, 1e300) / most.max(1) as f64;
-    // Formatting as decimal text yields the power of ten, and parsing keeps 0.1 exact.
+    // The power of ten comes from the number's decimal text. Steps are parsed from text, so that
+    // 0.1 is exact.
     let text = format!("{least:e}");
     let power = text.split_once('e').map_or("0", |(_, power)| power);
     let factors = ["1", "2", "5", "10"].map(|factor| format!("{factor}e{power}"));

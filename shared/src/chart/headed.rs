@@ -1,4 +1,4 @@
-//! A standalone figure: a heading and notes, with space for content below.
+//! A standalone figure: a title and notes, with space for content below.
 
 use super::colours::{MUTED, TEXT};
 use super::drawing::{Align, Drawing};
@@ -7,8 +7,8 @@ use super::text::width_of;
 /// Margin around every figure (px).
 pub const MARGIN: f64 = 28.0;
 
-/// A drawing with a heading and, below the heading, notes. Its height just fits the heading and the
-/// notes. Between the margins it is `width` px wide, or wider if a note is longer.
+/// A drawing with a title (`heading`) and, below the title, notes. Its height just fits the title
+/// and the notes. Between the margins it is `width` px wide, or wider if a note is longer.
 #[must_use]
 pub fn headed(heading: &str, notes: &[&str], width: f64) -> Drawing {
     const NOTE: f64 = 12.0;

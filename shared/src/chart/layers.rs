@@ -42,8 +42,8 @@ impl Mark {
         ink: Ink,
         edge: Option<Pen>,
     ) {
-        // Number of corners, angle of the first corner (eighths of a turn from the right), and
-        // size.
+        // Number of corners, angle of the first corner (counter-clockwise from the right, in units
+        // of 45°), and size.
         let (corners, first, size) = match self {
             Self::Circle => return drawing.circle([x, y], radius, Some(ink), edge),
             Self::Square => (4, 1.0, 1.25),
@@ -148,8 +148,8 @@ pub struct Swarm {
     pub ink: Ink,
     /// Name of the statistic that the centres show, such as "mean".
     pub centre: &'static str,
-    /// Name of the centres' intervals, such as "95 % interval". Each centre is then drawn as a diamond
-    /// on its interval. `None` draws the centres as bars without intervals.
+    /// Name of the centres' intervals, such as "95 % interval". With a name, each centre is drawn
+    /// as a diamond on its interval. With `None`, the centres are drawn as bars without intervals.
     pub interval: Option<&'static str>,
     /// Decimal places of the numbers in tooltips.
     pub places: usize,

@@ -112,9 +112,9 @@ impl LegendItem {
 }
 
 impl Drawing {
-    /// Draws the items in one row if they fit `width` (px), otherwise in equal columns and the fewest
-    /// rows. `[left, top]` is the left end of the first row, at half of the row's height. Returns the
-    /// height of all rows (px).
+    /// Draws the items in one row if they fit `width` (px), otherwise in columns of equal width and
+    /// in as few rows as possible. `[left, top]` is the left end of the first row, at half of the
+    /// row's height. Returns the height of all rows (px).
     pub fn legend(&mut self, items: &[LegendItem], [left, top]: [f64; 2], width: f64) -> f64 {
         let lengths =
             items.iter().map(|item| SIGN[0] + GAP + width_of(&item.text, LETTERS, false) + APART);

@@ -283,8 +283,8 @@ impl Chart {
         LegendItem::of_layers(&self.layers)
     }
 
-    /// The numbers of the swarms, with one row per category. Without swarms, the numbers of the named
-    /// series, with one row per x value in ascending order.
+    /// The numbers of the swarms, with one row per category. A chart without swarms gives the
+    /// numbers of the named series, with one row per x value in ascending order.
     #[must_use]
     pub fn table(&self) -> Table {
         let swarms: Vec<&Swarm> = self

@@ -265,7 +265,7 @@ impl Search {
             let nearer = usize::from(ends[1].at_least_m < ends[0].at_least_m);
             let apart = ends[nearer].apart;
             last = alpha;
-            // The bound grows when the direction turns toward the line from human to robot.
+            // The bound grows when the direction rotates toward the line from human to robot.
             let (sin, cos) = sin_cos(alpha);
             let side = usize::from(cos * apart[1] - sin * apart[0] < 0.0);
             bracket[side] = Some((alpha, apart));

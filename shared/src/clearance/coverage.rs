@@ -193,7 +193,7 @@ fn rising(field: &str, mut least: f64, epsilon: &[f64]) -> Result<(), Invalid> {
 fn margin_m(parameters: &SceneParameters, tolerance: Tolerance, steps: usize) -> f64 {
     let (v, half_s) = (parameters.human.speed_mps, 0.5 * parameters.step_s);
     let range = 2.0 * parameters.human.turn_rate_radps;
-    // The membership test treats bounds that almost admit straight driving as admitting it.
+    // The membership test treats bounds that almost admit straight driving as if they admitted it.
     let ahead_s = steps as f64 * parameters.step_s;
     let nearly = 0.5 * v * nearly_zero(ahead_s) * ahead_s * ahead_s;
     tolerance.position_m + v * half_s * (tolerance.heading_rad + 0.5 * range * half_s) + nearly

@@ -167,7 +167,7 @@ impl Tube {
         for (k, piece) in self.pieces.iter().enumerate().rev() {
             self.lo[k] = self.lo[k].max(self.lo[k + 1] - piece.hi * piece.seconds);
             self.hi[k] = self.hi[k].min(self.hi[k + 1] - piece.lo * piece.seconds);
-            // If this holds, the two differ only by a rounding error.
+            // If the lowest heading is above the highest one, they differ only by a rounding error.
             if self.lo[k] > self.hi[k] {
                 self.lo[k] = self.hi[k];
             }

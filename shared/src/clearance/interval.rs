@@ -7,7 +7,7 @@ use crate::plausibility::Departure;
 /// minimum, over all instants of the step, of the distance from the human's position at that instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clearance {
-    /// Lower bound (m): no drive in the set comes nearer. If it is negative, the human may touch the
+    /// Lower bound (m): no drive in the set comes nearer. If it is negative, the human might touch the
     /// robot; its magnitude is not the depth of the overlap.
     pub at_least_m: f64,
     /// Upper bound (m): some drive in the set comes this near. If it is ≤ 0, a drive touches the robot.
@@ -101,8 +101,8 @@ pub struct ClearanceSettings {
     pub accuracy_m: f64,
     /// Clearances of at least this (m) need not be accurate.
     pub enough_m: f64,
-    /// Largest number of parts into which branch and bound divides drives and time, per set and
-    /// step. A search that reaches this limit underestimates the clearance.
+    /// For each set and step, branch and bound divides the drives and the time into at most this many
+    /// parts. A search that reaches this limit underestimates the clearance.
     pub most_parts: usize,
     /// Limit on the work for all sets and steps together. It bounds the computing time even for long
     /// horizons and fast turns. A unit of work is one time interval evaluated for one direction. Each
@@ -156,7 +156,7 @@ impl ClearanceSettings {
 }
 
 impl ClearanceSettings {
-    /// The lower bound (m) at which the search may stop, given the upper bound `at_most_m`.
+    /// The lower bound (m) at which the search can stop, given the upper bound `at_most_m`.
     pub(super) fn goal(&self, at_most_m: f64) -> f64 {
         self.enough_m.min(at_most_m - self.accuracy_m)
     }

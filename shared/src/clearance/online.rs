@@ -32,8 +32,8 @@ pub enum Continuity {
 /// The assumption about the human's next steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum NextSteps {
-    /// The human drives like the vehicle if the vehicle can have driven the last step. Otherwise (if the
-    /// person stood still, for instance) no plan is clear, and every clearance is −∞.
+    /// The human drives like the vehicle if the vehicle could have driven the last step. Otherwise (if
+    /// the person stood still, for instance) no plan is clear, and every clearance is −∞.
     #[default]
     LikeLast,
     /// The human drives like the vehicle, regardless of the last step. Clearances hold only under this
@@ -42,8 +42,8 @@ pub enum NextSteps {
 }
 
 /// A predictor that owns its data and its history. Push each new state, predict, then query the
-/// clearance of plans. The history is as long as the features require. After the first round, a round
-/// allocates only if its plans are longer.
+/// clearance of plans. The history is as long as the features require. After the first round of these
+/// calls, later rounds allocate memory only if their plans are longer.
 #[derive(Clone, Debug)]
 pub struct OnlinePredictor {
     predictor: Arc<Predictor>,
@@ -110,9 +110,9 @@ impl OnlinePredictor {
         })
     }
 
-    /// Predicts with the tuned choice of actions and roll-outs, and with the tuned ε for F_1. `further`
-    /// are the ε of further sets (rad/s), ascending from the tuned ε. Twice the human's turn rate admits
-    /// every turn.
+    /// Predicts with the tuned choice of actions and roll-outs, and with the tuned ε for F_1.
+    /// `further` are the ε of further sets (rad/s), ascending from the tuned ε. An ε of twice the
+    /// human's maximum turn rate admits every turn.
     ///
     /// # Errors
     /// The errors of [`Self::new`] and of [`BoundsSettings::new`].
@@ -147,7 +147,7 @@ impl OnlinePredictor {
         Self { next, ..self }
     }
 
-    /// The settings of the sets.
+    /// The settings of Algorithm 1, which determine the sets.
     #[must_use]
     pub fn settings(&self) -> &BoundsSettings {
         &self.settings
@@ -223,8 +223,8 @@ impl OnlinePredictor {
     }
 
     /// The reason why the sets do not bound the human's next steps: the human's vehicle in the
-    /// parameters cannot have driven the last step within a tolerance of a millimetre and a milliradian.
-    /// `None` if it can have driven the step, if only one state is known, or with
+    /// parameters cannot have driven the last step within a tolerance of a millimetre and a
+    /// milliradian. `None` if it could have driven the step, if only one state is known, or with
     /// [`NextSteps::AssumeVehicle`].
     #[must_use]
     pub fn departure(&self) -> Option<Departure> {
@@ -233,9 +233,9 @@ impl OnlinePredictor {
         found.filter(|_| self.next == NextSteps::LikeLast)
     }
 
-    /// Checks that the human's vehicle in the parameters can have driven the last step within a
+    /// Checks that the human's vehicle in the parameters could have driven the last step within a
     /// tolerance of a millimetre and a milliradian. The sets and their probabilities assume that the
-    /// vehicle can also drive the human's next steps. [`NextSteps`] has no effect here.
+    /// vehicle can also drive the human's next steps. [`NextSteps`] has no effect on this check.
     ///
     /// # Errors
     /// [`Invalid`] if the vehicle cannot have driven the step ([`check_step`]). With fewer than two

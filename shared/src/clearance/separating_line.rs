@@ -47,7 +47,8 @@ impl HumanFuture<'_> {
         Ok(())
     }
 
-    /// Checks that set `j` contains the previous set and turns by at most half a turn in each step.
+    /// Checks that set `j` contains the previous set and that its bounds allow at most half a turn in
+    /// each step.
     fn check_set(&self, j: usize, set: &InputBounds) -> Result<(), Invalid> {
         let smaller = &self.sets[j.saturating_sub(1)];
         if set.steps() != smaller.steps() {
@@ -133,8 +134,8 @@ impl ClearanceFinder {
     /// instant.
     ///
     /// # Errors
-    /// [`Invalid`] if the steps of the plan and the sets differ, the sets are not nested, a set turns by
-    /// more than half a turn in a step, or a number is not finite.
+    /// [`Invalid`] if the steps of the plan and the sets differ, the sets are not nested, the bounds
+    /// of a set allow more than half a turn in a step, or a number is not finite.
     pub fn find(
         &mut self,
         future: &HumanFuture<'_>,
@@ -172,7 +173,8 @@ impl ClearanceFinder {
     }
 
     /// Like [`Self::find`] if `departed` is `None`. Otherwise the human did not drive like the vehicle
-    /// in the last step: then every clearance is −∞, and [`Clearances::unproved`] returns the reason.
+    /// in the last step. In that case, every clearance is −∞, and [`Clearances::unproved`] returns the
+    /// reason.
     ///
     /// # Errors
     /// The errors of [`Self::find`].

@@ -265,8 +265,8 @@ impl Farthest {
             let shift = turns_away(alpha, (lo, hi));
             let touch = match self.touch.get(k) {
                 Some(touch) => touch - shift,
-                // A drive that stays as near to the direction as possible has, in the middle of the
-                // piece, about the mean of its headings at the two ends.
+                // The drive is assumed to stay as near to the direction as possible. In the middle of
+                // the piece, its heading is about the mean of its headings at the two ends.
                 None => {
                     let nearest = |knot: usize| shift.max(tube.lo[knot]).min(tube.hi[knot]);
                     0.5 * (nearest(k) + nearest(k + 1)) - shift
@@ -363,9 +363,10 @@ impl Farthest {
 /// An estimate of how much too large a bound is.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Looseness {
-    /// In total (s of travel).
+    /// The excess of the bound in total (s of travel).
     pub(super) seconds: f64,
-    /// The knot that contributes most, and the drive's heading there. The knot is 0 if no knot does.
+    /// The knot that contributes most, and the drive's heading there. The knot is 0 if no knot
+    /// contributes.
     pub(super) knot: usize,
     pub(super) heading: f64,
 }

@@ -9,13 +9,13 @@ use crate::predict::PredictorFile;
 use crate::vehicle::TurnInput;
 use serde::{Deserialize, Serialize};
 
-/// The prediction task.
+/// What a model predicts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(into = "u8", try_from = "u8")]
 pub enum Experiment {
     /// Experiment I predicts the input: −1 right, 0 straight, 1 left.
     TurnDirection,
-    /// Experiment II predicts whether the human turns: 0 straight, 1 either turn.
+    /// Experiment II predicts whether the human turns: 0 straight, 1 right or left.
     Avoidance,
 }
 
@@ -100,8 +100,8 @@ pub struct Cell {
 }
 
 /// The reference that a model must beat. It always predicts the commonest class of the training
-/// rows. Its probabilities are the class frequencies of the training rows. One row of each class is
-/// added first, so that no probability is zero.
+/// rows. Its probabilities are the class frequencies of the training rows plus one extra row of
+/// each class, so that no probability is zero.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Baseline {
     /// The experiment.

@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 pub struct CopiedTrials {
     /// The participant's name or number in the data.
     pub participant: String,
-    /// The numbers of identical trials. Each list has the two or more numbers of one copied drive.
+    /// For each copied drive, the numbers of all trials with this drive (at least two).
     pub trials: Vec<Vec<u64>>,
     /// The number of test tasks that are identical to a training task (data leakage).
     pub leaking: usize,

@@ -13,7 +13,7 @@ use crate::scene::{Evader, JointState};
 use crate::vehicle::Pose;
 
 /// The models' probability of a turn for each position of the robot around the human. Positions are
-/// in the human's body frame, with the human at the origin, heading along "ahead".
+/// [ahead, left] in the human's body frame, with the human at the origin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DecisionMap {
     /// The name of the models' feature set.
@@ -40,8 +40,8 @@ const MAPPED_EXPERIMENT: Experiment = Experiment::Avoidance;
 const SETS: [&str; 2] = ["hrd", "d"];
 const ENCOUNTERS: [(f64, &str); 2] = [(PI, "head-on"), (0.5 * PI, "crossing from the right")];
 
-/// The human's headings in the world (rad). A rotation by half a turn does not change the paper's
-/// features, so these four headings stand for eight.
+/// The human's headings in the world (rad). A rotation by π does not change the paper's features,
+/// so these four headings represent all eight.
 const WORLD_HEADINGS: [f64; 4] = [0.0, 0.25 * PI, 0.5 * PI, 0.75 * PI];
 
 impl DecisionMap {

@@ -20,7 +20,7 @@ pub enum Verdict {
     Hint,
     /// No test has p < 5 %, even before correction.
     NotShown,
-    /// In every test, so few participants differ that the test cannot reject anything.
+    /// In every test, too few participants differ for the test to reject its null hypothesis.
     TooFew,
 }
 
@@ -66,7 +66,8 @@ pub struct SafetyOverDistance {
     pub answer: Answer,
     /// The test of the first model in experiment I.
     pub main: Test,
-    /// Mean accuracies of this model with safety levels and with distance alone (per cent).
+    /// Mean accuracies of the first model in experiment I, with safety levels and with distance
+    /// alone (per cent).
     pub accuracies: [f64; 2],
 }
 
@@ -132,7 +133,7 @@ pub struct RolloutFacts {
     pub papers_beaten: Beaten,
     /// The models of [`BEYOND`] that were trained.
     pub beyond: Vec<Furthest>,
-    /// How many of these models beat the simple drivers.
+    /// How many models of `beyond` beat the simple drivers.
     pub beyond_beaten: Beaten,
     /// The simple driver that holds the last input.
     pub held: Furthest,
@@ -149,16 +150,16 @@ pub struct CalibrationFacts {
     pub errors: [f64; 2],
 }
 
-/// A model that often chose the largest C of its grid. A larger C might do better.
+/// A model that often chose the largest C of its grid. A larger C might be better.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct GridEdge {
     /// The model.
     pub model: ModelName,
-    /// The largest C of its grid.
+    /// The largest C of the model's grid.
     pub greatest: f64,
-    /// Number of its cells that chose this C.
+    /// Number of the model's cells that chose this C.
     pub chosen: usize,
-    /// Number of its cells.
+    /// Number of the model's cells.
     pub of: usize,
 }
 
@@ -181,7 +182,7 @@ pub struct Findings {
     pub rollouts: Option<RolloutFacts>,
     /// Calibration of the probabilities.
     pub calibration: Option<CalibrationFacts>,
-    /// Grids whose largest C may be too small.
+    /// Models whose grid might need a larger C.
     pub grid_edges: Vec<GridEdge>,
 }
 
@@ -225,7 +226,7 @@ fn of_pair<'a>(tests: &'a [Test], metric: Metric, pair: (&str, &str)) -> (Vec<&'
     let family = tests.iter().filter(|test| test.gain.metric == metric);
     let of_pair = family.clone().filter(|test| (test.first, test.second) == pair);
     let mut of_pair: Vec<&Test> = of_pair.collect();
-    // Experiment I always comes first.
+    // The tests of experiment I come first.
     of_pair.sort_by_key(|test| test.gain.experiment);
     (of_pair, family.count())
 }

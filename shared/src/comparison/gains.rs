@@ -22,9 +22,9 @@ pub struct Paired {
     pub mean: f64,
     /// The number of participants with a gain or a loss. The other participants do equally well
     /// with both lists. The paired test, the typical gain, its interval and the effect size ignore
-    /// them.
+    /// these other participants.
     pub differing: usize,
-    /// The typical gain (Hodges–Lehmann estimate), which belongs to the paired test.
+    /// The typical gain: the Hodges–Lehmann estimate, which matches the paired test.
     pub typical: f64,
     /// The interval of all typical gains that the paired test does not reject at 5 %. `None` if too
     /// few participants differ for the test to reject anything. The interval always contains
@@ -120,7 +120,7 @@ pub(super) fn corrected(of: Vec<(ModelName, Experiment, Metric, Paired)>) -> Vec
 /// Tests of one feature set against another. They are corrected together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GainFamily {
-    /// The set that may be better.
+    /// The set whose gain over the reference set is tested.
     pub first: &'static str,
     /// The reference set; `none` for the baseline.
     pub second: &'static str,
@@ -154,7 +154,7 @@ impl GainFamily {
 /// The tests of two feature sets for one model, experiment and metric.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Test {
-    /// The set that may be better.
+    /// The set whose gain over the reference set is tested.
     pub first: &'static str,
     /// The reference set.
     pub second: &'static str,
@@ -247,8 +247,8 @@ fn untied(mean: f64) -> f64 {
     if mean.abs() > TIE { mean } else { 0.0 }
 }
 
-/// A row of the ablation: the baseline, or a model on a feature set compared with its result on
-/// B_d.
+/// A row of the ablation: the baseline, or a model on one feature set, compared with the same model
+/// on B_d.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ablation {
     /// The model; `None` for the baseline.

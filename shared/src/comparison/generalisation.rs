@@ -62,7 +62,8 @@ impl LearningPoint {
                 }
             }
         }
-        // A single point, the one with all tasks, is not a curve.
+        // Without points for fewer tasks, each curve would be a single point, the one with all
+        // tasks.
         if few.is_empty() {
             return Vec::new();
         }

@@ -20,8 +20,8 @@ const SETS: [&str; 2] = ["hrd", "hrd_body"];
 /// Number of permutations of each feature.
 const TIMES: usize = 5;
 
-/// These features carry the same information, so they are permuted together. Otherwise, the
-/// unpermuted ones would reveal the permuted one.
+/// These features carry the same information, so they are permuted together. If only one of them
+/// were permuted, the other two would reveal its value.
 const TOGETHER: [&str; 3] = ["dpsi", "cos_dpsi", "sin_dpsi"];
 
 /// An arbitrary but fixed seed, so that the same data give the same permutations.

@@ -4,7 +4,7 @@ use crate::math::ln;
 use core::ops::Range;
 use serde::{Deserialize, Serialize};
 
-/// A model's predictions of some rows, and the true classes.
+/// A model's predictions for some rows, and the true classes of these rows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Predictions {
     /// The classes, in ascending order.
@@ -123,7 +123,8 @@ impl Predictions {
         }
     }
 
-    /// Concatenates predictions. A class that a part does not know has probability 0 there.
+    /// Concatenates predictions. If a part does not know a class, the class has probability 0 in
+    /// the rows of this part.
     #[must_use]
     pub fn together<'a>(classes: &[i8], parts: impl IntoIterator<Item = &'a Self>) -> Self {
         let mut all = Self {
@@ -228,9 +229,9 @@ pub struct Distance {
 /// The paper's D_start and D_end over some trajectories.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Distances {
-    /// D_start.
+    /// The error of the predicted first step, D_start.
     pub start: Distance,
-    /// D_end.
+    /// The error of the predicted last step, D_end.
     pub end: Distance,
     /// Number of trajectories in which both the human and the model avoid.
     pub both: usize,

@@ -121,13 +121,13 @@ impl ModelName {
     /// The models that are trained for the paper's tables.
     pub const TRAINED: [Self; 4] = [Self::SvmRbf, Self::SvmLinear, Self::Dt, Self::Lr];
 
-    /// Its row of the table.
+    /// The model's row of the table.
     #[must_use]
     pub const fn row(self) -> &'static ModelRow {
         &MODELS[self as usize]
     }
 
-    /// Its name in files.
+    /// The model's name in files.
     #[must_use]
     pub fn word(self) -> &'static str {
         self.row().word
@@ -145,9 +145,9 @@ impl ModelName {
 pub struct Beyond {
     /// The model.
     pub model: ModelName,
-    /// Its feature set.
+    /// The model's feature set.
     pub features: &'static str,
-    /// Its name in the report.
+    /// The model's name in the report.
     pub words: &'static str,
     /// Colour and mark of the model's dashed curve. Set only if another curve already has the
     /// model's own colour and mark.

@@ -30,7 +30,7 @@ pub struct ParticipantData {
     pub trajectories: Vec<Trajectory>,
 }
 
-/// Why a participant's data cannot be used.
+/// The reason why a participant's data cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DataError {
     /// A trial is invalid.
@@ -159,20 +159,23 @@ pub(super) enum Purpose {
     Rollouts,
     /// A fit that demonstrates the leakage of a split by time step.
     Leakage,
-    /// A fit for learning curves. It is trained on only this many first tasks.
+    /// A fit for learning curves. It is trained only on the participant's first tasks. The value is
+    /// the number of these tasks.
     Learning(usize),
-    /// A fit for predictions of unseen people. It is trained on the tasks of all groups but one,
-    /// and tested on the remaining group.
+    /// A fit for predictions of unseen people. It is trained on the tasks of all groups of people
+    /// except one, and tested on this group.
     Unseen,
 }
 
-/// Numbers of training tasks in learning curves, besides all tasks.
+/// The numbers of training tasks for which learning curves have a point. Each curve also has a
+/// point with all training tasks.
 pub(super) const FIRST_TASKS: [usize; 3] = [5, 10, 20];
 
 /// The feature sets of models that are trained on fewer tasks or on other people.
 pub(super) const COMPARED_SETS: [&str; 3] = ["hrd", "d", "hrd_body"];
 
-/// Maximum number of groups of people. With more people than this, some groups have several people.
+/// Maximum number of groups in [`Purpose::Unseen`]. Up to this number of people, each person is a
+/// group. With more people, some groups contain several people.
 pub(super) const MOST_GROUPS: usize = 20;
 
 /// The rows of all participants of a plan, concatenated.
@@ -211,7 +214,7 @@ impl Everybody {
                 }
                 let rows = of.data.data.labels.len();
                 split.training.extend(*offset..offset + rows);
-                // If there are enough people, whole people are assigned to folds.
+                // If there are enough people, all rows of a person are in the same fold.
                 let fold = |row: usize| match participants.len() > FOLDS {
                     true => others % FOLDS,
                     false => fold_of(of.data.data.trials[row]),
@@ -331,7 +334,7 @@ pub(super) fn key(model: ModelName, data: &Dataset, split: &Split, grids: &Grids
     hex::encode(hash.finalize())
 }
 
-/// Fails if no participant is left.
+/// Returns an error if no participant is left.
 ///
 /// # Errors
 /// [`Invalid`] with the reason for each participant.

@@ -18,7 +18,7 @@ pub struct Power {
     /// The smallest possible p-value after Holm's correction over the family.
     pub least_p_after_holm: f64,
     /// The smallest number of participants for which [`Self::least_p_after_holm`] is below
-    /// [`LEVEL`](crate::stats::rank::LEVEL). This is a lower bound, not a sufficient number.
+    /// [`LEVEL`](crate::stats::rank::LEVEL). This number is necessary, but not always sufficient.
     pub needed: usize,
     /// The probability that a single test with these participants shows an effect of
     /// [`Self::EFFECT`].

@@ -113,7 +113,7 @@ pub enum Simple {
 pub const DOUBT: f64 = 0.05;
 
 impl Simple {
-    /// Its name in tables.
+    /// The driver's name in tables.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -139,8 +139,8 @@ impl Driver for Simple {
 ///
 /// All entries cover the same *target steps*, which are the steps after the first `steps` − 1
 /// steps. For horizon h, the roll-out starts h − 1 steps before the target step. People turn more
-/// often early in a trial than late. If the target steps differed between horizons, this would look
-/// like an effect of the horizon.
+/// often early in a trial than late. If each horizon had its own target steps, this change over
+/// time would look like an effect of the horizon.
 ///
 /// # Errors
 /// [`Invalid`] if there is no step to predict.
@@ -248,9 +248,9 @@ mod tests {
         assert!(found.iter().all(|h| (h.mean_log_loss() - log_loss).abs() < 1e-12));
     }
 
-    /// The inputs alternate in runs of four steps. Holding the input from h steps earlier is right
-    /// if the target's index in its run is at least h, which is true of 4 − h of four targets. For
-    /// h = 4, the earlier input belongs to the previous run, so no target is right.
+    /// The inputs alternate in runs of four steps. The input from h steps earlier is right if it
+    /// belongs to the same run. This is true for 4 − h of the four targets of a run. For h = 4, the
+    /// earlier input always belongs to the previous run, so no target is right.
     #[test]
     fn what_is_ever_harder_to_foresee_is_less_often_right() {
         use TurnInput::{Left, Straight};
@@ -279,7 +279,7 @@ mod tests {
         );
     }
 
-    /// A model of a human who turns left as soon as the history contains three steps.
+    /// A model of a human who turns left from the fourth step on.
     struct Impatient;
 
     impl ActionModel for Impatient {
@@ -293,7 +293,8 @@ mod tests {
         }
     }
 
-    /// In a roll-out from the first step, the model must predict the turn from its own predictions.
+    /// In a roll-out from the first step, the model sees only its own predictions, and must predict
+    /// the turn from them.
     #[test]
     fn predictors_are_fed_with_what_they_said() {
         use TurnInput::{Left, Straight};

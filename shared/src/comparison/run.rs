@@ -56,7 +56,7 @@ pub struct RolloutsOf {
 /// A cell of a model trained on the first tasks only.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FewTasks {
-    /// The number of first tasks.
+    /// The number of first tasks on which the model was trained.
     pub tasks: usize,
     /// The cell, with the same test tasks as in the comparison.
     pub cell: Cell,
@@ -93,7 +93,7 @@ pub trait Cache: Sync {
     fn put(&self, key: &str, cells: &[Cell]);
 }
 
-/// Why an analysis failed.
+/// The reason why an analysis failed.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AnalysisError {
     /// The error of the first participant, if all participants' data are unusable.
@@ -126,7 +126,7 @@ pub fn run(
     Ok(assemble(&plan, found, scene, safety, settings)?)
 }
 
-/// The cells of a fit, or why it failed.
+/// The cells of a fit, or the reason why it failed.
 type Fitted = Result<Vec<Cell>, Invalid>;
 
 /// Executes every fit of the plan. The results are in the order of the fits.
@@ -277,7 +277,8 @@ fn failures(plan: &Plan<'_>, found: &[Fitted]) -> Vec<Option<String>> {
     failed
 }
 
-/// For each pair of SVMs, adds the better one as [`ModelName::Svm`]. Then sorts the cells.
+/// For each pair of a radial and a linear SVM, adds the better one as [`ModelName::Svm`]. Then
+/// sorts the cells.
 fn with_choice(cells: &mut Vec<Cell>, settings: &Settings) {
     let place = |cell: &Cell| {
         let set = settings.sets.iter().position(|set| set.name == cell.features);
@@ -295,7 +296,8 @@ fn with_choice(cells: &mut Vec<Cell>, settings: &Settings) {
     cells.sort_by_key(|cell| (cell.model, place(cell)));
 }
 
-/// The accuracy with single steps held out, next to the accuracy with whole trials held out.
+/// For each model and experiment, the accuracy if single steps are held out, and the accuracy if
+/// whole trials are held out.
 fn leakage(comparison: &Comparison, mut leaking: Vec<Cell>, settings: &Settings) -> Vec<Leakage> {
     if leaking.is_empty() {
         return Vec::new();

@@ -7,9 +7,9 @@ use serde::Serialize;
 /// A named feature set.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct NamedSet {
-    /// Its name in tables.
+    /// The name of the set in tables.
     pub name: String,
-    /// Its features.
+    /// The features of the set.
     pub features: FeatureSet,
 }
 

@@ -7,7 +7,7 @@ use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What to fit and report.
+/// What a comparison fits and reports.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// Feature sets, including the paper's seven.
@@ -27,7 +27,7 @@ pub struct Settings {
 
 impl Settings {
     /// The protocol's settings: the paper's sets, two of these sets extended by the body frame, the
-    /// protocol's grids, and T = 10.
+    /// protocol's grids, and roll-outs of ten steps.
     ///
     /// # Errors
     /// Never, because all names are valid.

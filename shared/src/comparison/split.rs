@@ -12,7 +12,7 @@ pub const FOLDS: usize = 5;
 pub const LEAST_TASKS: usize = FOLDS;
 
 /// Index of the first test task, if a participant has `tasks` tasks. The last fifth of the tasks is
-/// for testing, but at least one task if there are any.
+/// for testing, but at least one task (none if there are no tasks).
 #[must_use]
 pub fn first_test_task(tasks: usize) -> usize {
     tasks - (tasks / 5).max(1).min(tasks)
@@ -36,8 +36,8 @@ pub struct Split {
 }
 
 impl Split {
-    /// Splits by whole tasks. The last fifth is for testing; the other tasks are assigned to the
-    /// folds in turn.
+    /// Splits by whole tasks. The last fifth is for testing. The other tasks are assigned to the
+    /// folds cyclically.
     #[must_use]
     pub fn grouped(data: &Dataset) -> Self {
         let tasks = data.trials.iter().max().map_or(0, |last| last + 1);
@@ -58,9 +58,9 @@ impl Split {
         Self { training, folds, test: all.test }
     }
 
-    /// Splits by time step, regardless of trials. Every fifth row is for testing; the other rows
-    /// are assigned to the folds in turn. This split is **wrong**. It exists to show how much such
-    /// a split overstates accuracy.
+    /// Splits by time step, regardless of trials. Every fifth row is for testing. The other rows
+    /// are assigned to the folds cyclically. This split is **wrong**. It exists to show how much
+    /// such a split overstates accuracy.
     #[must_use]
     pub fn leaking(data: &Dataset) -> Self {
         let (test, training): (Vec<usize>, Vec<usize>) =

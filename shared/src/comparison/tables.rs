@@ -42,7 +42,7 @@ pub enum Metric {
 }
 
 impl Metric {
-    /// Its name in files.
+    /// The metric's name in files.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -226,7 +226,7 @@ pub fn are_best(numbers: &[Option<f64>], less_is_better: bool) -> Vec<bool> {
     let sign = if less_is_better { -1.0 } else { 1.0 };
     let of = |number: &Option<f64>| number.map(|number| sign * number).filter(|n| n.is_finite());
     let best = numbers.iter().filter_map(of).fold(f64::NEG_INFINITY, f64::max);
-    // Because of rounding errors, means of equal shares may differ in their last digits.
+    // Because of rounding errors, means of equal shares can differ in their last digits.
     numbers.iter().map(|number| of(number).is_some_and(|number| best - number < 1e-9)).collect()
 }
 

@@ -2,11 +2,11 @@
 
 /// Returns the known names that are most similar to an unknown name, if any is similar enough.
 ///
-/// These are the names with the fewest typing errors (Damerau–Levenshtein distance). Names of up to
-/// 5 characters may have one error, names of up to 11 characters two, and longer names three.
-/// Differences in case, hyphens and spaces do not count. If every name has too many errors, returns
-/// the names that contain the given words, as `danger_radius_m` contains `radius`. If more than
-/// three names match equally well, returns none.
+/// These are the names with the fewest typing errors (Damerau–Levenshtein distance). The accepted
+/// number of errors depends on the longer of the two names: one error up to 5 characters, two up to
+/// 11, and three above. Differences in case, hyphens and spaces do not count. If every name has too
+/// many errors, returns the names that contain the given words, as `danger_radius_m` contains
+/// `radius`. If more than three names match equally well, returns none.
 #[must_use]
 pub fn nearest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     const MOST: usize = 3;
@@ -30,8 +30,8 @@ pub fn did_you_mean<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -
     }
 }
 
-/// Returns the number of typing errors between both names, or `usize::MAX` if `name` only contains
-/// the words of `wrong`. Returns `None` if `name` does not match.
+/// Returns the number of typing errors between both names. If this number is too large, but `name`
+/// contains the words of `wrong`, returns `usize::MAX`. Returns `None` if `name` does not match.
 fn misfit(wrong: &str, name: &str) -> Option<usize> {
     const HAS_THE_WORDS: usize = usize::MAX;
     let [wrong, name] = [words(wrong), words(name)];
@@ -88,7 +88,7 @@ mod tests {
             ("maxchars", "max_chars"),
             ("radius", "danger_radius_m"),
             ("danger_radius", "danger_radius_m"),
-            // Nothing is close, not even "kind".
+            // No name is similar enough, not even "kind".
             ("id", ""),
             ("answer", ""),
             ("x", ""),

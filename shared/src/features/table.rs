@@ -18,7 +18,7 @@ pub struct Feature {
     pub unit: &'static str,
     /// Short description.
     pub meaning: &'static str,
-    /// How to compute it.
+    /// The function that computes the feature.
     pub compute: Compute,
 }
 
@@ -33,7 +33,7 @@ pub enum Compute {
 }
 
 impl Feature {
-    /// Its value in the last state of `history`, which must not be empty.
+    /// The feature's value in the last state of `history`, which must not be empty.
     #[must_use]
     pub fn value(&self, history: &[JointState], safety: &SafetyLevels) -> f64 {
         match self.compute {

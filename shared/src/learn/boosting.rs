@@ -1,8 +1,8 @@
 //! Gradient-boosted trees for the multinomial deviance (Friedman 2001, with Newton steps and a
 //! penalty on leaves as in Chen and Guestrin 2016).
 //!
-//! In each round, a small tree is fitted for each class's score, to the gradient of the deviance at
-//! the current scores. A fraction (`rate`) of the tree's Newton step is added to the score. Before
+//! In each round, one small tree per score is fitted to the gradient of the deviance with respect
+//! to this score. A fraction (`rate`) of the tree's Newton step is added to the score. Before
 //! training, columns are cut into quantile bins. Training uses no random numbers.
 //!
 //! Gradients and Hessians are rounded to multiples of 2⁻⁴⁰ and summed as integers. The sums and all
@@ -32,7 +32,7 @@ pub struct Chosen {
     pub log_loss: f64,
 }
 
-/// Trains for all rounds of the settings. The initial scores are the logarithms of
+/// Trains for the number of rounds in the settings. The initial scores are the logarithms of
 /// (n_c + 1) / (n + K), so a class that does not occur gets a small but positive probability.
 ///
 /// # Errors
@@ -48,9 +48,10 @@ pub fn fit(samples: &Samples<'_>, settings: &BoostingSettings) -> Result<Boosted
 }
 
 /// Chooses the depth and the number of rounds with the lowest log loss on the held-out rows of all
-/// folds. Then trains with them on all rows. `folds` contains the fold of each row, counted from 0.
-/// All rows of a trial must be in the same fold. If numbers of rounds tie, the smallest is chosen.
-/// If depths tie, the first in `depths` is chosen.
+/// folds. Then trains a model with this depth and number of rounds on all rows. `folds` contains
+/// the fold of each row, counted from 0. All rows of a trial must be in the same fold. If several
+/// numbers of rounds tie, the smallest is chosen. If several depths tie, the first in `depths` is
+/// chosen.
 ///
 /// # Errors
 /// The errors of [`fit`], and [`Invalid`] if `folds` and the rows differ in length, there are fewer

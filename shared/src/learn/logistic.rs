@@ -3,9 +3,9 @@
 //! It minimises C · Σ over rows of −log P(class) + ½ · Σ over weights of w². Intercepts are not
 //! penalised. This is the objective of scikit-learn's `LogisticRegression`. As in scikit-learn, two
 //! classes have **one** weight vector, for the log-odds log P(second) − log P(first). (With two
-//! vectors, the penalty would be half as large.) Three or more classes have one weight vector each,
-//! and the penalty makes these vectors sum to zero. With three or more classes, only differences of
-//! intercepts matter, so the intercepts are made to sum to zero.
+//! vectors, the penalty would be half as large.) If there are three or more classes, each class has
+//! a weight vector, and the penalty makes these vectors sum to zero. In this case, only differences
+//! of intercepts matter, so the intercepts are made to sum to zero, too.
 //!
 //! The order of the rows changes the result only by rounding errors (less than 10⁻¹² on
 //! standardised data).
@@ -23,8 +23,8 @@ use objective::{Objective, Point};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct LogisticSettings {
-    /// The fit ends with the first Newton step whose squared decrement, gᵀ H⁻¹ g, is at most this
-    /// times 1 + C. Since H ⪰ 1 for the weights, the length of this step is at most
+    /// The fit ends with the first Newton step whose squared decrement, gᵀ H⁻¹ g, is at most
+    /// tolerance · (1 + C). Since H ⪰ 1 for the weights, the length of this step is at most
     /// √(tolerance · (1 + C)). The square of this bound, times the typical length of a row, bounds
     /// the remaining error.
     pub tolerance: f64,
@@ -99,7 +99,7 @@ pub fn fit_path(
     Ok(models)
 }
 
-/// Returns the minimum, and the loss, gradient and Hessian at the last point before the minimum.
+/// Returns the minimum, and the loss, gradient and Hessian at the last iterate before the minimum.
 fn minimise(
     objective: &mut Objective<'_>,
     mut theta: DVector<f64>,

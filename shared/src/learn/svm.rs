@@ -3,7 +3,8 @@
 //!
 //! The optimum is the same as in libsvm and scikit-learn's `SVC`. The SVM of a pair minimises
 //! ½|w|² + C Σ max(0, 1 − y_i f(x_i)), where f(x) = w·φ(x) + b. Before any computation, rows are
-//! sorted by label and features, so the caller's row order does not change a bit of the result.
+//! sorted by label and features. The result is therefore bit-identical for every order of the
+//! caller's rows.
 
 mod rows;
 mod gram;

@@ -4,8 +4,8 @@
 //! to the lowest feature index, then to the lowest threshold, so a tree depends only on the set of
 //! its rows and not on their order. A node becomes a leaf if it is pure, if no split leaves enough
 //! rows on both sides, or if it is at the maximum depth. A split is accepted even if it does not
-//! reduce the impurity, because two features may be informative only together. The first split on
-//! one of them then reduces nothing.
+//! reduce the impurity. For example, two features can be informative only together, and then the
+//! first split on one of them does not reduce the impurity.
 //!
 //! Numbers are handled as in scikit-learn: features are rounded to single precision, values that
 //! differ by at most 10⁻⁷ are never separated, and thresholds are midpoints. (But scikit-learn

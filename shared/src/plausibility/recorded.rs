@@ -79,7 +79,8 @@ pub fn check_inputs<'a>(
     ];
     for trial in trials {
         let turn = |step: usize| trial.inputs.get(step).map(|input| most * f64::from(input.sign()));
-        // The last state is computed from the last input, and the first step has no previous row.
+        // Skips the first step, which has no previous row, and the last step, whose end is computed
+        // from the last input.
         for step in 1..trial.inputs.len().saturating_sub(1) {
             let psi = |at: usize| trial.states.get(at).map(|state| state.human.psi);
             let (Some(own), Some(from), Some(to)) = (turn(step), psi(step), psi(step + 1)) else {
@@ -94,8 +95,9 @@ pub fn check_inputs<'a>(
             }
         }
     }
-    // If keys change within steps, the inputs of the same and of a neighbouring row fit about
-    // equally badly. A sum of squares below a quarter of the other therefore indicates an error.
+    // If keys change within steps, the inputs of the same row and of a neighbouring row fit about
+    // equally badly. It is therefore an error if the sum of squares of an alternative is below a
+    // quarter of the sum for the recorded inputs.
     match others.iter().find(|(other, _)| *other < 0.25 * recorded && recorded > ROUNDING) {
         Some((_, found)) => {
             let expected = "inputs that match the turns in hpsi (rad/s)";

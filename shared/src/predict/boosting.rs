@@ -35,7 +35,7 @@ impl Summand {
     }
 }
 
-/// The fields, in a file, of a [`Boosted`].
+/// The fields of a [`Boosted`] in a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BoostedFile {
     /// The initial score of each class. With two classes, there is only the second class's score
@@ -52,7 +52,7 @@ pub struct BoostedFields {
     pub boosted: BoostedFile,
 }
 
-/// The fields, in a file, of a tree that adds to a score.
+/// The fields of a tree that adds to a score, in a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SummandFile {
     /// The questions (splits) of the tree.
@@ -78,7 +78,7 @@ pub(crate) fn scores_of(classes: usize) -> usize {
 }
 
 impl BoostedFile {
-    /// The model, for `width` features and `classes` classes.
+    /// Checks the fields and builds the model, for `width` features and `classes` classes.
     ///
     /// # Errors
     /// [`Invalid`] if there is not one intercept per score, the last round is incomplete, a tree is

@@ -21,7 +21,7 @@ pub struct Logistic {
     intercepts: Vec<f64>,
 }
 
-/// The fields, in a file, of a [`Logistic`] on standardised features.
+/// The fields of a [`Logistic`] on standardised features, in a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LogisticFile {
     /// The mean of each feature, which is subtracted from the feature.
@@ -45,7 +45,8 @@ impl LogisticFile {
         }
     }
 
-    /// The scale and the model, for `width` features and `classes` classes.
+    /// Checks the fields and builds the scale and the model, for `width` features and `classes`
+    /// classes.
     ///
     /// # Errors
     /// [`Invalid`] if a length is wrong or a number is not finite.

@@ -73,7 +73,7 @@ enum Pairwise {
     Rbf(Support),
 }
 
-/// The fields, in a file, of an [`Svm`] on standardised features. `kernel` selects the variant.
+/// The fields of an [`Svm`] on standardised features, in a file. `kernel` selects the variant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum SvmFile {
@@ -91,7 +91,7 @@ enum KernelWord {
     Rbf,
 }
 
-/// The fields, in a file, of a linear [`Svm`]. Pairs of classes are in the order (first, second),
+/// The fields of a linear [`Svm`] in a file. Pairs of classes are in the order (first, second),
 /// (first, third), …, (second, third), …. A positive decision value is a vote for the pair's first
 /// class.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -109,7 +109,7 @@ pub struct LinearSvmFile {
     pub sigmoids: Vec<[f64; 2]>,
 }
 
-/// The fields, in a file, of an [`Svm`] with radial basis functions. Pairs are in the same order as
+/// The fields of an [`Svm`] with radial basis functions, in a file. Pairs are in the same order as
 /// in [`LinearSvmFile`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RbfSvmFile {
@@ -170,7 +170,8 @@ impl SvmFile {
         })
     }
 
-    /// The scale and the model, for `width` features and `classes` classes.
+    /// Checks the fields and builds the scale and the model, for `width` features and `classes`
+    /// classes.
     ///
     /// # Errors
     /// [`Invalid`] if lengths do not match, a number is not finite or γ is not > 0.
@@ -278,7 +279,8 @@ impl Svm {
         decisions
     }
 
-    /// The class, 0 … classes − 1, with the most votes. It may differ from the most probable class.
+    /// The class with the most votes, as an index from 0 to classes − 1. It can differ from the
+    /// most probable class.
     #[must_use]
     pub fn class(&self, scale: &Scale, row: &[f64]) -> usize {
         vote(self.classes, self.decisions(scale, row))

@@ -185,7 +185,7 @@ impl From<&Tree> for TreeFile {
 }
 
 impl TreeFile {
-    /// The tree, for `width` features and `classes` classes.
+    /// Checks the fields and builds the tree, for `width` features and `classes` classes.
     ///
     /// # Errors
     /// [`Invalid`] if the questions do not form a tree, if a count is missing, or if a parent's

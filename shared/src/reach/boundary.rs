@@ -8,7 +8,7 @@
 //! * **Tube**: the union over all instants. It is bounded by the path with the lowest rates, the final
 //!   front, and the path with the highest rates.
 //!
-//! This holds if [`is_of_extremals`] is true. Front and rear are then graphs over the line
+//! These statements hold if [`is_of_extremals`] is true. Front and rear are then graphs over the line
 //! perpendicular to the middle heading, and the rear is the lower `envelope` of its families.
 
 mod extremal;
@@ -79,7 +79,7 @@ impl Workspace {
         for curve in curves.iter() {
             envelope.add(curve.iter().map(|point| point * turned));
         }
-        // Front and rear touch at their ends, and their chords may cross there. So the rear is kept
+        // Front and rear touch at their ends, and their chords can cross there. So the rear is kept
         // slightly behind the front.
         let behind = thickness(tolerance);
         envelope.add(boundary.iter().map(|point| point * turned - behind));
@@ -126,7 +126,8 @@ impl Workspace {
 
 /// Whether the curves drawn here bound the set after `steps` steps and the tube up to that step. For
 /// this, the headings along each outermost path must be within a quarter turn of each other. In
-/// addition, no bounds may narrowly forbid driving straight, because extremals then diverge too fast.
+/// addition, there must be no step whose bounds narrowly forbid driving straight, because extremals
+/// would diverge too fast there.
 ///
 /// For a tube this is proven. Because the end time is free, boundary paths arrive perpendicular to the
 /// outward normal. They switch only where the displacement to the end is perpendicular to the end
@@ -137,13 +138,14 @@ pub(super) fn is_of_extremals(paths: &Paths, steps: usize) -> bool {
     paths.swing(steps) <= FRAC_PI_2 && !paths.graze_straight(steps)
 }
 
-/// Every edge of a front rises by more than this (s) across the middle heading, up to rounding errors.
+/// Along every edge, a front advances by more than this (s) to the left, as seen in the middle
+/// heading. Only rounding errors can make an edge advance less.
 const LEAST_RISE: f64 = 1e-12;
 
 /// Approximate cost of tracing an extremal through a step, in units of a [`Budget`].
 const TRACING: usize = 4;
 
-/// Appends an outermost path, beginning at the start.
+/// Appends the points of an outermost path, from the start to the end of its last step.
 fn outermost(
     path: &Path,
     steps: usize,
@@ -154,7 +156,8 @@ fn outermost(
     let (step_s, least) = (path.step_s(), least_pieces.div_ceil(steps));
     for step in 0..steps {
         let rate = path.turn(step).rate;
-        // Finer than the front, because chords enlarge the area here and reduce it at the front.
+        // The pieces are shorter than those of the front, because chords of this path enlarge the area
+        // and chords of the front reduce it.
         let count = pieces(step_s, rate.abs(), 0.5 * tolerance, least);
         let turn = path.piece(step, count);
         let (mut point, mut facing) = (path.point(step), path.facing(step));

@@ -27,9 +27,9 @@ const DIRECTIONS: usize = 128;
 /// Upper bound on rounding errors (s) per second of travel.
 const ROUNDING: f64 = 1e-9;
 
-/// Replaces `boundary` by a convex polygon around the set after `steps` steps, or around the tube up to
-/// that step. Start headings deviate by up to `heading` (rad) to either side. `more` returns the
-/// distance in a direction (a unit vector) that uncertain start positions add. `instants` is
+/// Replaces `boundary` by a convex polygon around the set after `steps` steps, or around the tube up
+/// to that step. Start headings deviate by up to `heading` (rad) to either side. For a direction (a
+/// unit vector), `more` returns the distance that uncertain start positions add. `instants` is
 /// overwritten.
 pub(super) fn surround(
     paths: &Paths,

@@ -73,8 +73,8 @@ pub struct StateMargins {
     /// Distance of the heading from the nearest end of the admissible range (rad).
     pub heading_rad: f64,
     /// Distance (m) of the position from the boundary of the positions that are reached with this
-    /// heading. If the heading is outside its range, the nearest admissible heading is used. Inside, the
-    /// true distance may be slightly larger where two curves of the rear cross.
+    /// heading. If the heading is outside its range, the nearest admissible heading is used. Inside
+    /// the set, the true distance can be slightly larger where two curves of the rear cross.
     pub position_m: f64,
     /// The part of the boundary that is nearest to the position.
     pub nearest: Side,
@@ -89,7 +89,7 @@ pub enum Side {
     Rear,
 }
 
-/// Inputs may be out of their bounds by this much (rad/s), because of rounding errors.
+/// Inputs are allowed to exceed their bounds by this much (rad/s), because of rounding errors.
 const INPUT_ROUNDING: f64 = 1e-12;
 
 /// Largest heading (rad). Beyond it, too few digits remain to add whole turns.
@@ -270,7 +270,8 @@ impl ReachableSet {
                 })
                 .count()
         });
-        // Later states usually need the widest bounds, so testing the last state is often enough.
+        // Later states usually need the widest bounds, so a trajectory that leaves the set is often
+        // rejected at its last state.
         self.decide_all((known..states.len()).rev(), states, tolerance, 0)
             .all(|membership| membership == Membership::Inside)
     }

@@ -11,12 +11,12 @@ use nalgebra::Complex;
 type Point = Complex<f64>;
 
 /// The Minkowski sum of a simple polygon and a disc: all positions within `radius_m` of the polygon,
-/// including its interior. Applied to the human's reachable positions and the danger radius, it gives
-/// the region where the robot would be too near.
+/// including its interior. For the human's reachable positions and the danger radius, it is the region
+/// where the robot would be too near.
 ///
-/// The vertices are in metres, counter-clockwise, with the first vertex not repeated. One vertex is a
-/// point, two are a segment. The returned polygon contains the sum and exceeds it by at most
-/// `accuracy_m` (10⁻⁶ to 1 m). Holes are filled.
+/// The vertices are in metres and counter-clockwise, and the first vertex is not repeated. A polygon
+/// with one vertex is a point, and one with two vertices is a segment. The returned polygon contains
+/// the sum and exceeds it by at most `accuracy_m` (10⁻⁶ to 1 m). Holes are filled.
 ///
 /// # Errors
 /// [`Invalid`] if there is no vertex, a coordinate is not finite, the radius is not from 0 to 10⁴ m,

@@ -145,7 +145,7 @@ const MOST_EXTREMES: usize = 24;
 const SWEEPING: usize = 3;
 const COMPARING: usize = 8;
 
-/// Cost per vertex of converting arcs to edges and loosening.
+/// Cost per vertex of converting arcs to edges and of loosening the polygon, in units of a [`Budget`].
 const LOOSENING: usize = 6;
 
 /// Fractions of the accuracy that are allowed for the errors of the pieces, for replacing arcs by
@@ -154,8 +154,8 @@ const OF_PIECES: f64 = 0.2;
 const OF_ARCS: f64 = 0.1;
 const OF_VERTICES: f64 = 0.1;
 
-/// A rotation by less than this (rad) is added to the error instead, because the chains that it
-/// separates would coincide.
+/// A rotation by less than this (rad) is not carried out but added to the error, because the chains
+/// that it separates would count as coincident.
 const LEAST_ANGLE: f64 = 1e-8;
 
 /// Upper bound on the rounding errors of a piece (s of travel).
@@ -185,9 +185,9 @@ pub(super) struct Request {
 }
 
 impl Outer {
-    /// Replaces `boundary` by the boundary of a polygon. The polygon contains the set if it is grown by
-    /// the returned distance (s of travel). If the budget is spent, the boundary is unfinished and may
-    /// not contain the set.
+    /// Replaces `boundary` by the boundary of a polygon. The polygon contains the set if it is grown
+    /// by the returned distance (s of travel). If the budget is spent, the boundary is unfinished, and
+    /// it does not necessarily contain the set.
     pub(super) fn draw(
         &mut self,
         paths: &Paths,
@@ -211,8 +211,8 @@ impl Outer {
         error
     }
 
-    /// Lower bound on the distance between a line segment and the set (s of travel). It is not positive
-    /// if the segment may touch the set, or if the budget is spent.
+    /// Lower bound on the distance between a line segment and the set (s of travel). It is not
+    /// positive if the segment might touch the set, or if the budget is spent.
     pub(super) fn clearance(
         &mut self,
         paths: &Paths,
@@ -248,7 +248,7 @@ impl Outer {
         let farthest = paths.step_s * request.steps as f64 + request.body_point.norm_sqr().sqrt();
         let arcs = OF_ARCS * request.accuracy;
         let (mut error, mut outside, mut kept) = (0.0, 0.0_f64, (0, 0));
-        // The last turn on the spot moves a body point unless it is the vehicle's position.
+        // The last turn on the spot moves a body point unless this point is the vehicle's position.
         if let Some(last) = request.steps.checked_sub(1) {
             let angle = self.pieces[last].half_turn;
             if request.body_point.norm_sqr() > 0.0 && angle >= LEAST_ANGLE {
@@ -341,8 +341,8 @@ impl Outer {
             let (_, spread) = middle_and_spread(paths, step);
             let mut pieces = step_s * cbrt(weight(step)) / scale;
             if request.tube {
-                // With this number, a piece adds at most a quarter of the accuracy at the sides of the
-                // tube.
+                // With this number of pieces, each piece adds at most a quarter of the accuracy at the
+                // sides of the tube.
                 let (rate, _) = middle_and_spread(paths, step);
                 let bend = spread + rate.abs();
                 pieces = pieces.max(step_s * (0.5 * bend / request.accuracy).sqrt());

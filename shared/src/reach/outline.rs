@@ -19,9 +19,9 @@ type Edge = (Node, Node);
 /// errors.
 const GRID_S: f64 = 1e-10;
 
-/// Half the width (s of travel) with which parts of zero width are drawn, and the gap between a front
-/// and its rear where they touch. So polygons do not touch themselves. It is a fraction of the
-/// tolerance, but at least a few grid spacings.
+/// Parts of zero width are drawn with twice this width (s of travel), and a rear is kept this far
+/// behind its front where they touch. So polygons do not touch themselves. This width is a fraction of
+/// the tolerance, but at least a few grid spacings.
 pub(super) fn thickness(tolerance: f64) -> f64 {
     (0.001 * tolerance).max(16.0 * GRID_S)
 }
@@ -230,8 +230,8 @@ impl Outliner {
 
     /// Walks once around the unbounded region, keeping it on the right.
     fn walk(&mut self, boundary: &mut Vec<Point>) {
-        // The walk starts at the leftmost node (the lowest of several). All its edges lead to the right
-        // or straight up, and the first of them counter-clockwise begins the walk.
+        // The walk starts at the leftmost node (the lowest of several). All edges of this node lead to
+        // the right or straight up. The walk begins with the first of them in counter-clockwise order.
         let Self { darts, passed, touches, .. } = self;
         let leaving = |node: Node| {
             let first = darts.partition_point(|dart| dart.0 < node);

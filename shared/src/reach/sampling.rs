@@ -35,7 +35,6 @@ pub enum Outline {
     /// [`PolygonSettings::most_work`], or if a coarsely drawn polygon would have been larger. In every
     /// direction, the polygon exceeds a simple bound by at most 0.03 %. The bound assumes that each
     /// path has, at each instant, the admissible heading nearest to this direction.
-    /// would.
     ConvexHull,
 }
 

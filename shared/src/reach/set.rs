@@ -76,9 +76,9 @@ fn turns_little(bounds: &InputBounds, step_s: f64) -> Result<(), Invalid> {
 
 impl ReachableSet {
     /// The set from `start` (world frame; a [`Pose`] or a [`StartSet`]) under `bounds`, at `speed_mps`
-    /// (m/s) and with steps of `step_s` (s). If the bounds forbid driving straight by less than 10⁻⁵ rad
-    /// in all steps together, they count as allowing it. This enlarges the set by at most 10⁻⁵ of the
-    /// distance travelled.
+    /// (m/s) and with steps of `step_s` (s). If the bounds forbid driving straight by less than 10⁻⁵
+    /// rad in all steps together, they count as bounds that allow it. This rule enlarges the set by at
+    /// most 10⁻⁵ of the distance travelled.
     ///
     /// # Errors
     /// [`Invalid`] if the speed or the step is not > 0, the start is beyond 10⁶ m or 10⁴ rad, a step
@@ -129,7 +129,7 @@ impl ReachableSet {
         self.start
     }
 
-    /// All poses in which the vehicle may start.
+    /// All poses in which the vehicle can start.
     #[must_use]
     pub fn start_set(&self) -> StartSet {
         self.start_set
@@ -145,8 +145,8 @@ impl ReachableSet {
     /// bounds leave no choice, are drawn with a width of a five-hundredth of the accuracy. The polygon
     /// of a single position, as at step 0, has one vertex.
     ///
-    /// If headings span more than 2π, the set may surround positions that cannot be reached in
-    /// exactly that time. Such holes are filled.
+    /// If headings span more than 2π, the set can surround positions that cannot be reached in exactly
+    /// that time. Such holes are filled.
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].

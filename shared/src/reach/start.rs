@@ -25,7 +25,7 @@ pub enum PositionUncertainty {
     },
 }
 
-/// The poses from which a vehicle may start. Position and heading deviate from a given pose
+/// The poses from which a vehicle can start. Position and heading deviate from a given pose
 /// independently of each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StartSet {
@@ -69,7 +69,7 @@ impl StartSet {
         self.pose
     }
 
-    /// How far the position may deviate from the position of [`Self::pose`].
+    /// The largest deviation of the position from the position of [`Self::pose`].
     #[must_use]
     pub fn position(&self) -> PositionUncertainty {
         self.position
@@ -91,7 +91,8 @@ impl StartSet {
     }
 }
 
-/// A start set with exactly one pose. The pose is not checked here but where the start set is used.
+/// A start set with exactly one pose. This conversion does not check the pose; the users of the start
+/// set check it.
 impl From<Pose> for StartSet {
     fn from(pose: Pose) -> Self {
         Self { pose, position: PositionUncertainty::None, heading_rad: 0.0 }

@@ -1,12 +1,13 @@
 //! Level-set solver on rectangular grids: local Lax–Friedrichs in space, TVD
 //! Runge–Kutta in time, one to four dimensions.
 //!
-//! Mitchell, *A Toolbox of Level Set Methods* (2008) and Osher and Fedkiw (2003). One array
-//! contains the values, surrounded by ghost nodes. A stage processes the last two axes as one run
-//! of cells, block by block. A block and its derivatives fit into the L1 cache, so no array of
-//! derivatives is needed. The run includes ghost nodes; the values computed there are overwritten
-//! when the ghosts are filled. A problem with reflection symmetry, such as two vehicles in the
-//! frame of one of them, is computed on half of the nodes.
+//! See Mitchell, *A Toolbox of Level Set Methods* (2008), and Osher and Fedkiw (2003). One array
+//! contains the values, surrounded by ghost nodes. A stage processes the nodes in runs of cells,
+//! block by block. A run extends along the last two axes (in one or two dimensions, along the last
+//! axis). A block and its derivatives fit into the L1 cache, so no array of derivatives is needed.
+//! A run includes ghost nodes; the values computed there are overwritten when the ghosts are
+//! filled. A problem with reflection symmetry, such as two vehicles in the frame of one of them, is
+//! computed on half of the nodes.
 
 mod layout;
 mod speeds;
@@ -31,7 +32,7 @@ use serde::{Deserialize, Serialize};
 
 pub use solution::{Sample, ShallowObstacle, Snapshot, Solution};
 
-/// Whether paths may pass through the target, or must end in it at the horizon.
+/// Whether a path must be in the target at some time up to the horizon, or exactly at the horizon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
@@ -199,14 +200,15 @@ impl<'a, const D: usize, G> Problem<'a, D, G> {
 pub struct Settings {
     /// The approximation of the spatial derivatives, which also determines the Runge–Kutta order.
     pub scheme: Scheme,
-    /// Number of threads; results do not depend on it. 0 counts as 1; there are at most as many
-    /// threads as nodes of the first axis.
+    /// Number of threads; results do not depend on it. 0 counts as 1. The solver uses at most one
+    /// thread for each node of the first axis.
     pub threads: usize,
     /// Largest width of the SIMD lanes; results do not depend on it.
     pub lanes: Lanes,
     /// CFL number: the time step as a fraction of the largest stable first-order time step, above 0
-    /// and at most 1. ENO may choose stencils that are stable only up to 0.5 (second order) or 0.37
-    /// (third order). With longer steps V stays bounded, but locally loses this order.
+    /// and at most 1. ENO can choose stencils that are stable only up to 0.5 (second order) or 0.37
+    /// (third order). With a larger CFL number, V stays bounded, but its accuracy can locally be
+    /// below this order.
     pub cfl: f64,
     /// Number of instants to store before the end, evenly spaced from the beginning of the march.
     /// This requires a finite horizon. The time steps become slightly shorter, so that each stored
@@ -267,7 +269,8 @@ impl Settings {
 /// V of a tube is the smallest value of the target along a path, unless the obstacle raises it. So
 /// min l ≤ V ≤ max(l, −g) at every node, where min l is the smallest value of the target at any
 /// node so far. Higher-order schemes undershoot beside kinks, so each stage clamps V to these
-/// bounds. A change that no scheme can cause in one stage is an error.
+/// bounds. If V changes by more than any scheme can cause in one stage, the solve fails with an
+/// error.
 ///
 /// # Low obstacles
 /// The height of an obstacle can be less than the depth of the target, for example if the obstacle
@@ -277,11 +280,11 @@ impl Settings {
 /// # Ends of the grid
 /// [`Boundary`](super::Boundary) determines the values beyond an end. Where the flow leaves the
 /// grid, V depends on these values. [`Solution::earliest_exit_s`] is the time before which no path
-/// leaves; V of a shorter march does not depend on the values beyond the end. If the obstacle
-/// jumps, negative V is extrapolated with the smaller of the last two slopes before the end, so
-/// that a wall is not mistaken for a slope.
+/// leaves; V of a shorter march does not depend on the values beyond the end. If the values of the
+/// obstacle jump between neighbouring nodes, negative V is extrapolated with the smaller of the
+/// last two slopes before the end, so that a wall is not mistaken for a slope.
 ///
-/// The solve calls `progress` after every step. `progress` may cancel the solve.
+/// The solve calls `progress` after every step. `progress` can cancel the solve.
 ///
 /// # Errors
 /// [`SolveError::Invalid`] for
@@ -291,8 +294,8 @@ impl Settings {
 ///   node);
 /// - an obstacle that covers all of the grid or all of the target;
 /// - a game that makes V infinite or NaN, or makes it change faster than the speed bounds allow;
-/// - stored instants, or a backward march with a region of forward time, if the horizon is not
-///   finite.
+/// - a horizon that is not finite, if instants are to be stored or if a region of a backward march
+///   depends on the forward time.
 ///
 /// [`SolveError::Cancelled`] if `progress` cancels the solve.
 pub fn solve<T: Real, const D: usize, G: Game<D>>(

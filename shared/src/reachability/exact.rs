@@ -22,8 +22,8 @@ use crate::parallel::parallel_parts;
 const KINK: f64 = 1e-9;
 
 /// The pursuer goes straight when its heading is within δ = 10⁻⁴ rad of the optimal heading. This
-/// constant is 1 − cos δ, the magnitude of the pursuer's switching function |∂V/∂ψ|/ρ at δ. Keeping
-/// this heading until the end, at most π/ω later, costs the pursuer less than 2·10⁻⁸ ρ.
+/// constant is 1 − cos δ, the magnitude of the pursuer's switching function |∂V/∂ψ|/ρ at δ. If the
+/// pursuer keeps such a heading until the end, at most π/ω later, it loses less than 2·10⁻⁸ ρ.
 const ALIGNED: f64 = 5e-9;
 
 /// The squared ranges (in squared turning radii) that neither overflow nor lose digits.
@@ -127,7 +127,8 @@ impl ExactValue {
         }
         let (right, left) = (view.right_sheet(), view.left_sheet());
         let nearest = right.range.max(left.range);
-        // Far away, squares overflow in both sheets, and the sheets differ from the range only by rounding.
+        // Far away, squares overflow in both sheets, and the sheets differ from the range only by
+        // rounding errors.
         if nearest >= view.range || !nearest.is_finite() {
             return self.at_its_smallest(&view, state[1]);
         }
@@ -237,18 +238,20 @@ pub struct ExactState {
     pub evader_turn: f64,
     /// The pursuer's optimal turn rate, −ω, 0 or ω (rad/s). It minimises b·∂V/∂ψ.
     ///
-    /// It is zero where the pursuer's heading is within 10⁻⁴ rad of −(∂V/∂x, ∂V/∂y). There ∂V/∂ψ
-    /// vanishes, and going straight keeps the pursuer on this singular surface to the end. If the
-    /// best response is to turn opposite to the evader to the end, there is no singular surface and
-    /// the turn rate is never zero. Where V = r − R, no turn can lower the value. The pursuer then
-    /// turns to face the evader, or left if the evader is directly behind it.
+    /// It is zero where the pursuer's heading is within 10⁻⁴ rad of −(∂V/∂x, ∂V/∂y). The states
+    /// with exactly this heading form a singular surface. On it, ∂V/∂ψ vanishes, and going straight
+    /// keeps the pursuer on it to the end. If the best response is to turn opposite to the evader
+    /// to the end, there is no singular surface and the turn rate is never zero. Where V = r − R,
+    /// no turn can lower the value. The pursuer then turns to face the evader, or left if the
+    /// evader is directly behind it.
     pub pursuer_turn: f64,
     /// Whether turning right and turning left are equally good for the evader: both sheets are
     /// below r, and they differ by at most 10⁻⁹ ρ.
     pub on_kink: bool,
 }
 
-/// Number of states that a thread computes at once, a fraction of a millisecond of work.
+/// Number of states that a thread computes as one part of the work. A part takes a fraction of a
+/// millisecond.
 pub(super) const PART: usize = 4096;
 
 /// Rejects lengths that differ and a state that is not finite. The error names the coordinate.

@@ -2,20 +2,20 @@
 
 use crate::real::Real;
 
-/// The number of values that a game may derive from one coordinate.
+/// The number of values that a game can derive from one coordinate.
 pub const TERMS: usize = 3;
 
 /// The dynamics of a game with `D` states and two players.
 ///
-/// A new game is one file with one implementation of this trait. The solver marches V_τ = H(x, ∇V)
-/// in backward time τ. H(x, p) is p · f(x, a, b), maximised over one player's input and minimised
-/// over the other player's. The set is {V ≤ 0}. The minimising player wants to reach the target,
-/// and the maximising player wants to stay away from it.
+/// To add a game, write one file with one implementation of this trait. The solver marches
+/// V_τ = H(x, ∇V) in backward time τ. H(x, p) is p · f(x, a, b), maximised over one player's input
+/// and minimised over the other player's. The set is {V ≤ 0}. The minimising player wants to reach
+/// the target, and the maximising player wants to stay away from it.
 ///
-/// The Hamiltonian is evaluated in the innermost loop, for many cells at once. It must therefore
-/// contain neither branches with side effects nor transcendental functions. [`Game::terms`] returns
-/// the functions of a single coordinate that the Hamiltonian needs (the coordinate itself, its
-/// sine, …). The solver tabulates them once for each node of each axis.
+/// The Hamiltonian is evaluated in the innermost loop, for many cells at the same time. It must
+/// therefore contain neither branches with side effects nor transcendental functions.
+/// [`Game::terms`] returns the functions of a single coordinate that the Hamiltonian needs (the
+/// coordinate itself, its sine, …). The solver tabulates them once for each node of each axis.
 pub trait Game<const D: usize>: Sync {
     /// The functions of `coordinate` on `axis` that the dynamics use.
     fn terms(&self, axis: usize, coordinate: f64) -> [f64; TERMS];
@@ -27,8 +27,9 @@ pub trait Game<const D: usize>: Sync {
     /// axis. They set the Lax–Friedrichs dissipation and the time step.
     fn speed_bounds<T: Real>(&self, terms: &[[T; TERMS]; D]) -> [T; D];
 
-    /// The coordinates whose signs can all be reversed at once without changing the game. If grid,
-    /// target and obstacle have the same symmetry, the solver computes only half of the nodes.
+    /// The coordinates whose signs can all be reversed at the same time without changing the game.
+    /// If grid, target and obstacle have the same symmetry, the solver computes only half of the
+    /// nodes.
     fn mirror(&self) -> [bool; D] {
         [false; D]
     }

@@ -182,7 +182,7 @@ impl<const D: usize> Grid<D> {
             } else {
                 (place.clamp(0.0, (axis.nodes - 1) as f64), axis.nodes - 1)
             };
-            // Rounding may make `place` equal to a whole period.
+            // Rounding can make `place` equal to a whole period.
             cell[d] = (place as usize).min(cells - 1);
             share[d] = place - cell[d] as f64;
         }

@@ -3,8 +3,8 @@
 //! An archive contains `value` (float32, V in metres, row-major), `axis0`, `axis1`, `axis2`
 //! (float64, the node coordinates) and `meta` (a JSON object as uint8). In polar coordinates the
 //! axes are range, bearing and relative heading. The bearings cover the full turn, although the
-//! library stores only half of it, because V(r, −bearing, −ψ) = V(r, bearing, ψ). An archive may
-//! also contain `sheet` (float32, same shape as `value`). This is the function Q with
+//! library stores only half of it, because V(r, −bearing, −ψ) = V(r, bearing, ψ). An archive can
+//! also contain `sheet` (float32, same shape as `value`): the function Q with
 //! `V = max(Q(r, bearing, ψ), Q(r, −bearing, −ψ))`. Q is smooth where V has a kink.
 //!
 //! The archives are for other programs; this library cannot read them. To save and load a value

@@ -141,8 +141,8 @@ pub struct Options {
     /// Largest range of the polar method (m); `None` for a default. For an infinite horizon, V
     /// depends on this range if the pursuer is faster. For a finite horizon, the default range just
     /// contains the states where V is at most half the radius. Beyond this range, V is an estimate
-    /// that may be metres too large. With a larger range, the number of nodes stays the same, so
-    /// they are farther apart.
+    /// that can be metres too large. The number of nodes does not depend on the range, so with a
+    /// larger range the nodes are farther apart.
     pub range_m: Option<f64>,
     /// Number of threads; used for a finite horizon or with the Cartesian method.
     pub threads: usize,

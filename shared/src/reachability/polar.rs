@@ -162,9 +162,9 @@ pub struct Solution<T> {
     /// If a faster pursuer with wider turns can attack repeatedly, each sweep lowers V slightly
     /// everywhere. For example, for an evader with 1.5 m/s and 0.8 rad/s, a pursuer with 2 m/s and
     /// 0.5 rad/s, and R = 3 m, the median of V on the grid of 65 × 96 × 96 nodes is −2.4 m after
-    /// 2,000 sweeps, −2.6 m after 5,000 and −3.0 m after 24,000. It then no longer changes, because
-    /// the range that the evader can keep is smaller than a cell. More sweeps therefore do not give
-    /// the correct value.
+    /// 2,000 sweeps, −2.6 m after 5,000 and −3.0 m after 24,000. After that, V no longer changes,
+    /// because the range that the evader can keep is smaller than a cell. More sweeps therefore do
+    /// not give the correct value.
     pub converged: bool,
 }
 
@@ -183,7 +183,7 @@ impl<T: Real> Solution<T> {
     }
 }
 
-/// Solves for the value of a finite horizon or for the converged value.
+/// Computes the value for a finite horizon, or the converged value.
 ///
 /// # Errors
 /// [`SolveError::Invalid`] naming the invalid parameter; [`SolveError::Cancelled`] if `progress`
@@ -218,8 +218,8 @@ pub fn solve<T: Real>(
     }
     let half = settings.angle_nodes / 2 + 1;
     let nodes = settings.range_nodes.saturating_mul(half).saturating_mul(settings.angle_nodes);
-    // The number of arrays that each cover half a turn of bearings, during the solve or in the
-    // solution: 2 for W and its copy, and 4 for the sheet (a full turn) and its copy.
+    // The solve and its solution need at most 6 arrays that each cover half a turn of bearings: 2
+    // for W and its copy, and 4 for the sheet and its copy, which cover a full turn.
     check_memory(nodes, 6, size_of::<T>(), settings.memory_limit_bytes)?;
 
     // Lengths are in units of about R/3, and times are scaled so that the faster player's speed is
@@ -308,7 +308,7 @@ pub fn solve<T: Real>(
 /// Maximum number of time steps; more would never finish.
 const MOST_STEPS: f64 = 1e8;
 
-/// Solves for the value of a finite horizon.
+/// Computes the value for a finite horizon.
 fn timed<T: Real>(
     game: &PursuitGame,
     small: &PursuitGame,
@@ -366,8 +366,8 @@ impl Scale {
     }
 }
 
-/// The time in the game that [`WINDOW`] sweeps cover, relative to the paper's game; at most 1. A
-/// cell's time step is short if an angle can change quickly.
+/// The time in the game that [`WINDOW`] sweeps cover, divided by the time that they cover in the
+/// paper's game; at most 1. A cell's time step is short if an angle can change quickly.
 fn pace(game: &PursuitGame) -> f64 {
     let PursuitGame { evader, pursuer, radius_m } = *game;
     let closing = (evader.speed_mps + pursuer.speed_mps) / radius_m;
@@ -376,8 +376,8 @@ fn pace(game: &PursuitGame) -> f64 {
     (radians / PAPERS_PACE).min(1.0)
 }
 
-/// The arc (rad) that the faster vehicle drives on a circle of the danger radius in the time in
-/// which the state's angles can change by 1 rad. This constant is slightly below the value in the
+/// In the time in which the state's angles can change by 1 rad, the faster vehicle travels this arc
+/// (rad) of a circle with the danger radius. This constant is slightly below the value in the
 /// paper's game (0.235).
 const PAPERS_PACE: f64 = 0.22;
 /// Below this pace, single precision no longer resolves the changes of a sweep.

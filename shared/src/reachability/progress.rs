@@ -6,7 +6,7 @@ use crate::invalid::Invalid;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Progress {
-    /// Fraction of the steps done, from 0 to 1. If the march may end early, this is the fraction of
+    /// Fraction of the steps done, from 0 to 1. If the march can end early, this is the fraction of
     /// the maximum number of steps.
     pub done: f64,
     /// Largest change of V per second at the last measurement. For the converged value of the polar
@@ -29,7 +29,7 @@ pub enum SolveError {
 /// Default memory limit of a solve: 8 GiB, or 1 GiB in a browser.
 pub const MEMORY_LIMIT_BYTES: u64 = if cfg!(target_arch = "wasm32") { 1 << 30 } else { 8 << 30 };
 
-/// Rejects a solve that needs more memory than `limit_bytes`, before any is allocated.
+/// Rejects a solve that needs more memory than `limit_bytes`, before any memory is allocated.
 ///
 /// # Errors
 /// [`Invalid`] with the estimated memory.
@@ -44,7 +44,7 @@ pub(super) fn check_memory(
         return Ok(());
     }
     let mebibytes = |bytes: u64| format!("{:.0} MiB", bytes as f64 / f64::from(1 << 20));
-    // Both numbers may have saturated.
+    // Either number can be saturated at its maximum.
     let about = if needed == u64::MAX { "more than" } else { "about" };
     let nodes = if nodes == usize::MAX { format!("more than {nodes}") } else { nodes.to_string() };
     Err(Invalid::new(

@@ -55,7 +55,7 @@ pub struct SampledState {
 
 impl SampledValue {
     /// Creates a value function from its deficit, row-major over [`Nodes::shape`]. For polar nodes,
-    /// `sheet` may be Q of [`polar::Solution::sheet`].
+    /// `sheet` can be Q of [`polar::Solution::sheet`]. It must be `None` for Cartesian nodes.
     ///
     /// # Errors
     /// [`Invalid`] for an invalid game, nodes or horizon, a wrong number of values, a value that is
@@ -192,7 +192,7 @@ impl SampledValue {
     }
 
     /// Sets [`Self::unsettled_m`] (m). JSON has no infinity, so the largest finite number replaces
-    /// it.
+    /// infinity.
     #[must_use]
     pub fn unsettled(self, unsettled_m: Option<f64>) -> Self {
         Self { unsettled_m: unsettled_m.map(|moved| moved.min(f64::MAX)), ..self }
@@ -332,9 +332,9 @@ impl SampledValue {
         let (deficit, slope) = self.deficit_at(index, share);
         let [w0, w1, w2]: [f64; 3] = core::array::from_fn(|d| slope[d] * scale[d]);
         let radius_m = self.game.radius_m;
-        // Between nodes, the interpolation error along the range axis may give V < −R. At a kink,
-        // where a sheet continues one side, the deficit may be positive. Both are clamped, and NaN
-        // is preserved.
+        // Between nodes, the interpolation error along the range axis can make V < −R. At a kink,
+        // where a sheet continues one side, the deficit can be positive. Both values are clamped,
+        // and NaN is preserved.
         let value = range - radius_m + if deficit > 0.0 { 0.0 } else { deficit };
         let value = if value < -radius_m { -radius_m } else { value };
         // Unit vector of the line of sight; straight ahead at range zero.

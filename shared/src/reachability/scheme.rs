@@ -162,9 +162,9 @@ impl Stencil for Weno5 {
     fn face<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T) {
         let d = |k: isize| v(k + 1) - v(k);
         let (d1, d2, d3, d4, d5) = (d(-2), d(-1), d(0), d(1), d(2));
-        // The scale depends only on these five differences, so that kinks in a slope of 1 are still
-        // detected if the grid has an obstacle of 10⁹. The differences are divided by a power of
-        // two near the largest one, so that no product overflows or underflows.
+        // The scale depends only on these five differences. So a kink between slopes of about 1 is
+        // still detected if the grid has an obstacle of height 10⁹. The differences are divided by
+        // a power of two near the largest one, so that no product overflows or underflows.
         let largest = d1.abs().larger(d2.abs()).larger(d3.abs());
         let largest = largest.larger(d4.abs().larger(d5.abs()));
         let [power, per] = largest.power_of_two();

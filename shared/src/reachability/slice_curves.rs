@@ -246,7 +246,8 @@ const SPOT_NODES: usize = 16;
 /// Number of nodes along each side of a [`Spot`]. It extends by two grid spacings in each
 /// direction, plus a ring of nodes.
 const SPOT_SIDE: usize = 2 * (2 * SPOT_NODES + 1) + 1;
-/// Maximum number of samplings. They find a set as small as a millionth of a spacing.
+/// Maximum number of times that the set is sampled. They suffice to find a set as small as a
+/// millionth of a spacing.
 const MOST_LOOKS: usize = 10;
 
 /// A fine lattice around range zero, surrounded by a ring of nodes that count as outside the set.
@@ -290,8 +291,8 @@ impl Lattice for Spot<'_> {
     }
 }
 
-/// Refines a curve. Adds points, which are moved onto the level along the gradient, and the sharp
-/// corners between nodes.
+/// Refines a curve. Adds points between its points and moves them onto the level along the
+/// gradient. Also adds the sharp corners between nodes.
 fn smoothed(
     curve: &[[f64; 2]],
     function: &SampledValue,

@@ -35,14 +35,14 @@ pub struct Solved {
     /// this is the largest |∂V/∂τ| (m/s). For a finite horizon, it does not measure the error. For
     /// the converged value of the polar method, it is the drift over [`polar::WINDOW`] sweeps (m).
     pub residual: f64,
-    /// Whether the solution had converged when the solve ended; `None` for a finite horizon. A
-    /// chase by a barely faster pursuer can take longer than the longest solve.
+    /// Whether the solution had converged when the solve ended; `None` for a finite horizon. If the
+    /// pursuer is barely faster, a chase can take more time than the longest solve covers.
     pub converged: Option<bool>,
 }
 
 /// Computes the value function of `game`.
 ///
-/// The grid is finite. If the pursuer is faster, it may win chases that lead beyond the grid, but
+/// The grid is finite. If the pursuer is faster, it can win chases that lead beyond the grid, but
 /// the solver counts these chases as escapes. V is then too large by metres where these chases
 /// leave the grid, and at the states on the way there, although the states are `inside` and
 /// [`ValueFunction::unsettled_m`] is small. To check this, solve again with twice the range
@@ -162,7 +162,7 @@ fn march<T: Real>(
         Horizon::Finite(options.horizon_s)
     } else {
         // Optimal play of equal vehicles ends within half a turn. Chases take longer, so the march
-        // may last several times as long before it stops.
+        // is allowed to last several times as long.
         let slowest = game.evader.turn_rate_radps.min(game.pursuer.turn_rate_radps);
         Horizon::Converged { tolerance: settled(&game), longest_s: 8.0 * PI / slowest }
     };
@@ -189,8 +189,8 @@ fn widest_turn(game: &PursuitGame) -> f64 {
     radius(game.evader).max(radius(game.pursuer))
 }
 
-/// The settings of the polar method, and the fraction of the solve's progress that the search for
-/// these settings accounts for.
+/// Finds the settings of the polar method. Also returns the share of the solve's progress that the
+/// search for these settings took.
 fn polar_settings(
     game: &PursuitGame,
     options: &Options,
@@ -320,5 +320,5 @@ const DRAFT_NODES: [usize; 3] = [41, 41, 32];
 const MARGIN: f64 = 0.5;
 /// Minimum number of cells of an axis.
 const LEAST_CELLS: usize = 24;
-/// The fraction of a solve's progress that its draft accounts for.
+/// The share of a solve's progress that its draft takes.
 const DRAFT_SHARE: f64 = 0.05;

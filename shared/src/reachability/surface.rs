@@ -291,7 +291,7 @@ impl Cell {
     }
 
     /// The nearest point that is in the cell and on the faces that cut off the solid. The cell is
-    /// widened by [`BEYOND`], because a ridge may pass just outside its cells.
+    /// widened by [`BEYOND`], because a ridge can pass just outside its cells.
     fn within(&self, at: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|d| self.face[d].unwrap_or(at[d].clamp(-BEYOND, 1.0 + BEYOND)))
     }

@@ -94,8 +94,8 @@ impl Table {
     /// the smaller of the second differences at both ends of a cell's edge. The interpolant is
     /// third-order accurate where the data are smooth, and it does not overshoot at a single kink.
     /// (It would overshoot between two walls that are one cell apart, but no game of this table has
-    /// walls.) It is continuous, because its values on a face depend only on entries in the face's
-    /// plane.
+    /// walls.) The interpolant is continuous, because its values on a face depend only on entries
+    /// in the face's plane.
     #[inline(always)]
     pub(super) fn interpolate(&self, index: [usize; 3], share: [f64; 3]) -> (f64, [f64; 3]) {
         let origin = self.offset(index);

@@ -24,9 +24,9 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
 
-/// Deficits are rounded to multiples of a step: this quantum (m) times
+/// Deficits are rounded to multiples of a rounding step: this quantum (m) times
 /// [`PursuitGame::length_unit_m`] (1 for a radius between 2.1 m and 4.2 m). The rounding error is
-/// at most half a step.
+/// at most half a rounding step.
 pub const QUANTUM_M: f64 = 0.001;
 
 const FORMAT: &str = "sidestep-value-function/1";

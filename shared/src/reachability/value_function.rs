@@ -33,7 +33,7 @@ pub struct ValueState {
     pub exact: bool,
     /// Whether the state is within the solved grid. Outside, V is the range margin (range minus
     /// radius) plus the deficit at the nearest point of the grid's boundary. Even inside, V depends
-    /// on the size of the grid: for a faster pursuer, a larger grid may give a different V.
+    /// on the size of the grid: for a faster pursuer, a larger grid can give a different V.
     pub inside: bool,
 }
 
@@ -55,8 +55,8 @@ impl ValueFunction {
 
     /// How much V was still changing (m) when the solver stopped without converging
     /// ([`SampledValue::unsettled_m`]); `None` if it converged. This is not a bound on the error.
-    /// The difference from the converged value is unknown, and in a chase it can be much larger.
-    /// For a faster pursuer, V also depends on the range of the grid
+    /// The difference from the converged value is unknown, and in a chase it can be much larger
+    /// than this change. For a faster pursuer, V also depends on the range of the grid
     /// ([`Options::range_m`](super::Options::range_m)).
     #[must_use]
     pub fn unsettled_m(&self) -> Option<f64> {

@@ -30,7 +30,7 @@ impl LevelQuality {
     /// The quality of a level. `levels` are the values of `function` in the steps (m).
     #[must_use]
     pub fn of(function: &ValueFunction, levels: &[f64]) -> Self {
-        // For a closed form, only differences above the storage quantum count.
+        // A closed form is exact, but differences below the quantum of stored values are ignored.
         let accuracy = match function {
             ValueFunction::Exact(_) => QUANTUM_M,
             ValueFunction::Sampled(_) => GRID_ACCURACY_M,
@@ -57,7 +57,7 @@ impl LevelQuality {
         self.spread_m < self.accuracy_m
     }
 
-    /// Whether conclusions may be drawn from models that use the level.
+    /// Whether it is sound to draw conclusions from models that use the level.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         self.converged && !self.is_nearly_constant()
@@ -138,8 +138,8 @@ mod tests {
             .unwrap()
     }
 
-    /// Safety levels in which V_RH, of a slower robot that turns faster, has not converged. Its
-    /// solve was stopped after a few sweeps over a small grid.
+    /// Safety levels whose V_RH has not converged, because its solve was stopped after a few sweeps
+    /// over a small grid. The robot is slower than the human and turns faster.
     fn broken_off() -> SafetyLevels {
         let game = PursuitGame {
             evader: VehicleModel { speed_mps: 1.5, turn_rate_radps: 0.8 },

@@ -40,10 +40,10 @@ const TRIES: usize = 4000;
 ///   N participants (2N for odd N), each stratum occurs equally often at each position, and equally
 ///   often directly after each other stratum. This always holds.
 /// - **Pairs.** Over N participants, each pair of an approach and a miss stratum is planned once,
-///   and so is each pair of an approach and an entry stratum. To achieve this, the miss and entry
-///   strata that are paired with an approach stratum shift from one participant to the next, by
-///   strides that are coprime to N. Pairs of a miss and an entry stratum repeat as rarely as two such
-///   shifts allow. After every N participants, the shifts get a new offset.
+///   and so is each pair of an approach and an entry stratum. To achieve this, the partners of each
+///   approach stratum change from one participant to the next: the indices of the miss and entry
+///   strata shift by strides that are coprime to N. Pairs of a miss and an entry stratum repeat as
+///   rarely as two such shifts allow. After every N participants, the shifts get a new offset.
 /// - **Labels.** The assignment of strata to positions in these patterns is drawn once per study,
 ///   so that neighbouring positions are not neighbouring angles, distances or times.
 ///
@@ -189,8 +189,8 @@ fn planned_strata(count: usize, seed: u64, place: u64) -> Vec<Strata> {
     let modulus = count as u64;
     let (block, place_in_block) = (place / modulus, place % modulus);
     let [miss, entry] = strides(modulus).map(|stride| place_in_block * stride % modulus);
-    // In every block, the miss strata shift by one more. The entry strata do so in every second
-    // block.
+    // From one block of `count` participants to the next, the offset of the miss strata grows by
+    // one. The offset of the entry strata grows by one after every two blocks.
     let [miss, entry] = [miss + block % modulus, entry + block / 2 % modulus];
     let shifted = |part: usize, shift: u64| ((part as u64 + shift) % modulus) as usize;
     williams_order(count, place)
@@ -200,12 +200,12 @@ fn planned_strata(count: usize, seed: u64, place: u64) -> Vec<Strata> {
         .collect()
 }
 
-/// The shifts of the miss and the entry strata from one participant to the next. Both strides are
-/// coprime to `count`, so that each pair with an approach stratum occurs once over `count`
-/// participants. Over these participants, a pair of a miss and an entry stratum occurs either never
-/// or gcd(`count`, difference of the strides) times. A stratum occurs at a position either never or
-/// gcd(`count`, its stride + 1) times. Both numbers are as small as strides below
-/// [`LARGEST_STRIDE`] allow.
+/// The strides by which the miss and the entry strata shift from one participant to the next. Both
+/// strides are coprime to `count`, so that each pair with an approach stratum occurs once over
+/// `count` participants. Over these participants, a pair of a miss and an entry stratum occurs
+/// either never or gcd(`count`, difference of the strides) times. A miss or entry stratum occurs at
+/// a position either never or gcd(`count`, its stride + 1) times. These numbers are as small as
+/// strides below [`LARGEST_STRIDE`] allow.
 fn strides(count: u64) -> [u64; 2] {
     let coprime = |stride: &u64| common_divisor(*stride, count) == 1;
     let candidates = || (1..LARGEST_STRIDE).filter(coprime);
@@ -265,8 +265,8 @@ mod tests {
 
     #[test]
     fn pairs_of_miss_and_entry_repeat_as_little_as_they_can() {
-        // For even counts, two shifts must repeat each pair of the first block. The second block
-        // contains the other half of the pairs.
+        // If the count is even, both strides are odd. The first block then contains half of the
+        // pairs, each twice, and the second block contains the other half.
         for (count, blocks, expected) in [(7, 1, 1), (25, 1, 1), (20, 2, 2), (50, 2, 2)] {
             let places = 0..(blocks * count) as u64;
             let cells: Vec<_> =
@@ -336,7 +336,7 @@ mod tests {
         }
     }
 
-    /// Wherever scenes are admissible, no part of the map is empty or crowded.
+    /// In the map of approach and entry strata, no part with admissible scenes is empty or crowded.
     #[test]
     fn exchanged_entries_are_spread_evenly() {
         let mut map = [[0; 5]; 5];
@@ -366,7 +366,7 @@ mod tests {
         assert!((0.35..=PI).contains(&angle));
     }
 
-    /// The scenes of a place equal the scenes that the first version of this method gave.
+    /// The scenes of a place are still the scenes of the first version of this method.
     #[test]
     fn scenes_of_a_place_never_change() {
         let mut hash = Sha256::new();

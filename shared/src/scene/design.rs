@@ -124,8 +124,8 @@ mod tests {
             let start = scene.start();
             assert!(start.distance_m() > 3.0);
             assert!(value.value(start.robot_seen_by_human()) > 0.0);
-            // If neither vehicle turns, the human enters the zone after at least two and within ten
-            // seconds.
+            // If neither vehicle turns, the human enters the zone between two and ten seconds after
+            // the start.
             let mut state = start;
             let mut entry = None;
             for tick in 0..10_000 {
@@ -168,7 +168,7 @@ mod tests {
         assert_ne!(scenes(5, 9), scenes(5, 10));
     }
 
-    /// The scenes of a seed equal the scenes that the first version of this method gave.
+    /// The scenes of a seed are still the scenes of the first version of this method.
     #[test]
     fn scenes_of_a_seed_never_change() {
         let mut hash = Sha256::new();

@@ -52,7 +52,8 @@ impl SceneParameters {
         self.steps as f64 * self.step_s
     }
 
-    /// Distance that the robot drives in a trial (m). Its goal is exactly this far ahead.
+    /// Distance that the robot drives in a trial (m). The robot's goal is exactly this far ahead of
+    /// its start.
     #[must_use]
     pub fn goal_distance_m(&self) -> f64 {
         self.robot.speed_mps * self.duration_s()
@@ -83,7 +84,7 @@ impl Evader {
     /// Both vehicles.
     pub const ALL: [Self; 2] = [Self::Human, Self::Robot];
 
-    /// Its name in the database.
+    /// The evader's name in the database.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {

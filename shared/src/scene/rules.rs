@@ -119,13 +119,13 @@ impl Placed {
         Self { position: pose.position(), heading: [cos, sin] }
     }
 
-    /// Its mirror image about the line of the human's initial heading.
+    /// The vehicle's mirror image about the line of the human's initial heading.
     fn mirrored(self) -> Self {
         let ([x, y], [cos, sin]) = (self.position, self.heading);
         Self { position: [x, -y], heading: [cos, -sin] }
     }
 
-    /// Its placement after driving straight for `way_m`.
+    /// The vehicle after it has driven straight for `way_m` metres.
     fn ahead(self, way_m: f64) -> Self {
         let ([x, y], [cos, sin]) = (self.position, self.heading);
         Self { position: [x + way_m * cos, y + way_m * sin], heading: self.heading }
@@ -216,7 +216,7 @@ impl<'a> SceneRules<'a> {
         self.parameters.step_s / SAMPLES_PER_STEP as f64
     }
 
-    /// Bound on the rounding error of a distance, here and in [`is_admissible`] (m).
+    /// Bound on the rounding error of a distance, in this type and in [`is_admissible`] (m).
     fn rounding_m(&self, start: &JointState) -> f64 {
         let SceneParameters { human, robot, .. } = self.parameters;
         let duration_s = self.parameters.duration_s();
@@ -271,11 +271,11 @@ impl<'a> SceneRules<'a> {
                 let distance = hypot(x, y);
                 match compare(distance, limit, margin) {
                     Distances::Above => {}
-                    // Longer turns pass through this point, too.
+                    // Longer turns pass through this point, too, so they are no better.
                     Distances::Below => return best,
                     Distances::Unclear => return Distances::Unclear,
                 }
-                // For this number of samples, the vehicles cannot come as close as the limit.
+                // During the next `free` samples, the vehicles cannot come as close as the limit.
                 let free = (distance - limit - margin) / closing_m;
                 sample = sample.saturating_add((free as usize).max(1));
             }
@@ -302,7 +302,8 @@ fn difference(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-/// Compares a smallest distance, whose error is at most `margin`, with the limit. NaN is unclear.
+/// Compares a smallest distance, whose error is at most `margin`, with the limit. Returns `Unclear`
+/// for NaN.
 fn compare(closest: f64, limit: f64, margin: f64) -> Distances {
     if closest > limit + margin {
         Distances::Above
@@ -320,7 +321,7 @@ mod tests {
     use crate::math::SeededRng;
     use crate::vehicle::VehicleModel;
 
-    /// Random vehicles, radius and clock.
+    /// Random vehicles, danger radius and steps.
     fn study(rng: &mut SeededRng) -> SceneParameters {
         let mut vehicle = || VehicleModel {
             speed_mps: rng.uniform(0.5, 4.0),

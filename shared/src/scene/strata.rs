@@ -21,7 +21,7 @@ impl Coordinate {
     /// All coordinates, in the order of their strata and shares.
     pub const ALL: [Self; 3] = [Self::Approach, Self::Miss, Self::Entry];
 
-    /// Its name in tables.
+    /// The coordinate's name in tables.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -45,8 +45,8 @@ pub struct Stratification {
 }
 
 impl Stratification {
-    /// A stratification for a phase with `count` scenes. Entry times end with the trial, because a
-    /// scene that enters the danger zone later is never admitted.
+    /// A stratification for a phase with `count` scenes. The range of entry times ends at the end
+    /// of the trial, because a scene that enters the danger zone later is never admitted.
     ///
     /// # Errors
     /// [`Invalid`] if the trial ends before the shortest entry time.

@@ -16,9 +16,9 @@ pub fn williams_block(count: usize) -> usize {
 #[must_use]
 pub fn williams_order(count: usize, place: u64) -> Vec<usize> {
     let row = place_in(place, williams_block(count));
-    // The first row is 0, 1, N − 1, 2, N − 2, … Its differences between neighbours are all
-    // different. Each further row adds one. For odd N, the second half of the block consists of
-    // reversed rows.
+    // The first row is 0, 1, N − 1, 2, N − 2, … The differences between its neighbours are all
+    // different (modulo N). Each further row is the previous row plus one (modulo N). For odd N,
+    // the second half of the block consists of reversed rows.
     let mut order: Vec<usize> = (0..count)
         .map(|k| if k % 2 == 1 { k.div_ceil(2) } else { count - k / 2 })
         .map(|first| (first + row) % count)

@@ -3,8 +3,8 @@
 //! Four families are reachable sets under simple bounds that are widened by the level
 //! ([`worst_case`], [`constant_velocity`], [`hold_the_input`] and [`learned_disturbance`]; all use
 //! `WidenedInputs`). Two families, [`Gaussian`] and [`PerModeEmpirical`], are learned from recorded
-//! futures. Only their largest set is a reachable set, namely the worst-case set. Therefore, every
-//! family has a level whose set contains every window.
+//! futures. Their largest set is the worst-case set, which is a reachable set; their smaller sets
+//! are not. So every family has a level whose set contains every window.
 
 mod swept;
 mod simple_bounds;

@@ -56,8 +56,8 @@ pub struct DangerBounds {
 }
 
 /// Upper bound on the distance (m) by which polygons fall short of their sets. They fall short at
-/// the rear of sets without straight driving (by 3.7 mm at most, compared with the reference), and
-/// along all curves, because their edges are chords.
+/// the rear of sets without straight driving (by 3.7 mm at most in the reference cases of
+/// `tests/data`), and along all curves, because their edges are chords.
 const DRAWN_TOO_SMALL_M: f64 = 0.004;
 
 /// Computes the bounds from the joint states up to now. `scores` are the scores of calibration
@@ -206,8 +206,8 @@ mod tests {
         ActionChoice::TopK(vec![1; STEPS])
     }
 
-    /// A human who mostly drives straight on and may turn for a while, against a robot that crosses
-    /// nearby.
+    /// A human who mostly drives straight on and sometimes turns for a while, against a robot that
+    /// crosses nearby.
     fn scene(rng: &mut SeededRng) -> Trajectory {
         let robot =
             Pose::new(rng.uniform(2.0, 9.0), rng.uniform(-5.0, 5.0), rng.uniform(-3.0, 3.0));
@@ -287,8 +287,8 @@ mod tests {
         };
         assert_eq!(bounds(60.0, 0.0, 0.0), (0.0, 0.0));
         assert_eq!(bounds(1.0, 0.0, 0.0), (1.0, 1.0));
-        // The vehicles meet if the human drives straight. The human may or may not avoid this by
-        // turning.
+        // The vehicles meet if the human drives straight. Whether the human avoids this by turning
+        // is open.
         assert_eq!(bounds(4.5, -6.0, 1.57), (20.0 / 21.0, 1.0));
         // The vehicles pass each other. They meet only if the human turns.
         assert_eq!(bounds(9.0, 4.2, PI), (0.0, 1.0 / 21.0));

@@ -7,7 +7,7 @@ use core::cmp::Ordering;
 use serde::{Deserialize, Serialize};
 
 /// User-editable settings of predicted sets, `shfrs-settings.json`. The laboratory's explorer saves
-/// this file, and `sidestep shfrs --settings` reads it. The settings may be invalid;
+/// this file, and `sidestep shfrs --settings` reads it. The settings can be invalid;
 /// [`Self::settings`] checks them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -61,7 +61,7 @@ impl<M: ActionModel> Family for ShfrsFamily<'_, M> {
 pub struct Scores(Vec<f64>);
 
 impl Scores {
-    /// Sorts `scores`, which may be in any order. All must be finite and ≥ 0.
+    /// Sorts `scores`, which can be in any order. All must be finite and ≥ 0.
     ///
     /// # Errors
     /// [`Invalid`] if the list is empty, or a score is negative or not finite.

@@ -387,7 +387,7 @@ pub fn tune_watched(
     })
 }
 
-/// A set with at least this share of the worst-case area says next to nothing beyond the vehicle's
+/// A set with at least this share of the worst-case area says hardly more than the vehicle's
 /// limits.
 const SAYS_NOTHING: f64 = 0.95;
 

@@ -49,8 +49,8 @@ pub fn least_widening(
     let by_inputs = enough_by_inputs(base, window, range)?;
     let start = window.now().human;
     let mut least = 0.0;
-    // Later states usually need more widening. If they are tested first, earlier states need few
-    // tests.
+    // Later states usually need more widening. If they are tested first, few of the earlier states
+    // need a test.
     for step in (1..=base.len()).rev() {
         let enough = by_inputs[step - 1];
         if enough <= least {
@@ -117,9 +117,9 @@ fn enough_by_inputs(
     Ok(held.collect())
 }
 
-/// A lower bound, in the interval `within`, on the widening that lets the heading change by
-/// `turned` (rad). The heading is known only modulo 2π, so bounds that let it change by π or more
-/// in one direction always pass the test.
+/// A lower bound, in the interval `within`, on the widening that allows the heading to change by
+/// `turned` (rad). The heading is known only modulo 2π, so bounds that allow it to change by π or
+/// more in one direction always pass the test.
 fn needed_by_heading(
     base: &[(f64, f64)],
     turned: f64,

@@ -63,7 +63,7 @@ impl Trajectory {
 
     /// Checks that the human's vehicle of `scene` could have driven the trajectory with these turn
     /// rates. A calibration guarantees nothing about trajectories that this vehicle cannot drive.
-    /// The robot's path may be arbitrary.
+    /// The robot's path can be arbitrary.
     ///
     /// # Errors
     /// The errors of [`plausibility::check_drive`].
@@ -141,7 +141,8 @@ impl<'a> Window<'a> {
         self.begin
     }
 
-    /// The joint states up to and including the current one. A prediction may use only these.
+    /// The joint states up to and including the current one. A prediction must use only these
+    /// states.
     #[must_use]
     pub fn history(&self) -> &'a [JointState] {
         &self.trajectory.states[..=self.begin]

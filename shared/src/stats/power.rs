@@ -52,9 +52,8 @@ impl PowerCurve {
     }
 
     /// The probability that this many people show the effect in a test whose p-value is multiplied
-    /// by `family`. In a family of `family` tests, Holm's correction multiplies the smallest
-    /// p-value by this number. For more people than the curve's maximum, returns the power at the
-    /// maximum.
+    /// by `family`, as Holm's correction does with the smallest p-value of `family` tests. For more
+    /// people than the curve's maximum, returns the power at the maximum.
     #[must_use]
     pub fn power(&self, people: usize, family: usize) -> f64 {
         let Some(place) = people.min(self.by_people.len()).checked_sub(1) else { return 0.0 };
@@ -130,7 +129,7 @@ mod tests {
         assert!((curve.power(8, 1) - 10.0 / 256.0).abs() < 0.006, "{}", curve.power(8, 1));
     }
 
-    /// Applies [`wilcoxon`] to each sample of another set.
+    /// Compares the power with the share of other samples that [`wilcoxon`] rejects.
     #[test]
     fn it_is_the_share_of_samples_that_the_test_rejects() {
         let curve = PowerCurve::of(0.8, 30);

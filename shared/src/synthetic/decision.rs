@@ -1,5 +1,5 @@
-//! Decides which key a person holds. The percepts drive a noisy leaky accumulator with two
-//! thresholds.
+//! Decides which key a person holds. The percepts are the input of a noisy leaky accumulator with
+//! two thresholds.
 
 use super::perception::{Percept, Sight, logistic};
 use super::person::Person;
@@ -13,15 +13,15 @@ use std::collections::VecDeque;
 const NOISE_S: f64 = 0.6;
 const LEAK_S: f64 = 0.35;
 /// Minimum time between a press and the decision to release, and between a release and the next
-/// press (s). Rounding errors may make three ticks slightly shorter than this time, so that a fourth
-/// tick is needed. The reference's drives depend on these rounding errors.
+/// press (s). Rounding errors can make three ticks slightly shorter than this time, so that a
+/// fourth tick is needed. The reference's drives depend on these rounding errors.
 const REFRACTORY_S: f64 = 0.15;
 /// To choose a side, a person imagines a turn by this angle (rad) to either side and compares the
 /// predicted distances.
 const IMAGINED_RAD: f64 = 0.4;
 /// Strength of the preference for the previous side.
 const STICKINESS: f64 = 2.0;
-/// A person may change sides once the predicted distance has fallen by this much since the key
+/// A person can change sides when the predicted distance has fallen by this much since the key
 /// press (m).
 const WORSE_M: f64 = 0.5;
 

@@ -1,4 +1,4 @@
-//! A person's perception of the robot, and the resulting drive to act.
+//! A person's perception of the robot, and the resulting input signal of the decision.
 
 use super::person::Person;
 use crate::math::{asin, atan2, exp, hypot, sin_cos, wrap_angle};
@@ -60,7 +60,7 @@ pub(super) fn logistic(x: f64) -> f64 {
 pub(super) struct Percept {
     /// Predicted smallest distance (m), including the error of the perceived headings.
     pub(super) predicted_m: f64,
-    /// Drive to act, in [0, 1].
+    /// Input signal of the decision, in [0, 1]: the urge to turn.
     pub(super) drive: f64,
 }
 

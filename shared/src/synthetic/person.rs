@@ -8,7 +8,7 @@ use super::stream::Stream;
 pub struct Person {
     /// Lag of perception (s): 0.2–0.4.
     pub lag_s: f64,
-    /// Time horizon (s): 4.2–7. Later closest approaches matter little.
+    /// Time horizon (s): 4.2–7. Closest approaches after this time have little effect.
     pub horizon_s: f64,
     /// Desired excess of the predicted distance over the danger radius (m): 0.6–2.2.
     pub margin_m: f64,
@@ -40,8 +40,9 @@ pub struct Person {
     pub lapses_per_s: f64,
     /// Rate of side changes while the predicted distance falls (1/s): 0–0.25.
     pub reversals_per_s: f64,
-    /// Weights of the three drives (predicted distance, bearing, repeller). They are drawn from
-    /// exponential distributions with means in the ratio 1.2 : 1.2 : 0.8 and normalised to sum to 1.
+    /// Weights of the three input signals (predicted distance, bearing, repeller). They are drawn
+    /// from exponential distributions with means in the ratio 1.2 : 1.2 : 0.8 and normalised to sum
+    /// to 1.
     pub weights: [f64; 3],
     /// Preference for the left: normally distributed, mean 0, standard deviation 0.5.
     pub side_bias: f64,

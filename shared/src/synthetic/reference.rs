@@ -5,10 +5,12 @@ use super::SyntheticParticipant;
 use crate::recording::{Origin, Provenance, RecordedParticipant, RecordedTrial};
 use crate::scene::{JointState, SceneParameters};
 
-/// The seed of the project's reference data. Their file does not mark them as synthetic.
+/// The seed of the project's reference data. The file of these data does not mark the participants
+/// as synthetic.
 pub const REFERENCE_SEED: u64 = 20_180_918;
 
-/// The reference's participant numbers. Copies of the data may rename participants.
+/// The reference's participant numbers. In a copy of the data, the participants can have other
+/// names.
 const REFERENCE_PARTICIPANTS: core::ops::Range<u64> = 0..8;
 
 /// The provenance of these participants' trials from `origin`.

@@ -58,7 +58,7 @@ impl Flag {
         Self::ReplacedCharacters,
     ];
 
-    /// Flags that earlier versions did not set. Trials of those versions may lack them.
+    /// Flags that earlier versions did not set. Trials from those versions can lack them.
     pub const LATER: [Self; 4] =
         [Self::WrongClock, Self::UnorderedTimes, Self::FastKeys, Self::ReplacedCharacters];
 

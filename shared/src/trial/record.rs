@@ -33,7 +33,7 @@ pub struct Record<'a> {
     pub keys: &'a [RecordedKey],
     /// The page events.
     pub page_events: &'a [PageEvent],
-    /// Whether one of the record's texts contains U+FFFD in place of a character that files cannot
+    /// Whether one of the record's texts contains U+FFFD instead of a character that files cannot
     /// contain.
     pub replaced: bool,
 }

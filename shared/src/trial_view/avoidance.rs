@@ -6,7 +6,8 @@ use crate::chart::{LegendItem, Pen, colours};
 use crate::picture::Picture;
 use crate::vehicle::dubins::arc;
 
-/// Number of parts per step. The optimal turn may change within a step.
+/// Number of parts into which the path divides each step, because the optimal turn rate can change
+/// within a step.
 const PARTS: usize = 4;
 
 pub(super) fn pen() -> Pen {

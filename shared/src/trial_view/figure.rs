@@ -30,7 +30,8 @@ pub fn legend_of_both(first: &Playback, second: &Playback, view: &View) -> Vec<L
     items
 }
 
-/// Two predictions of one moment side by side, each below its caption, with one heading and a common legend.
+/// Two predictions of one moment side by side, each below its caption, with a common title and a
+/// common legend.
 #[must_use]
 pub fn side_by_side(panes: [(&mut Playback, &str); 2], view: &View, heading: &str) -> Drawing {
     let [(first, _), (second, _)] = &panes;
@@ -63,7 +64,7 @@ pub fn side_by_side(panes: [(&mut Playback, &str); 2], view: &View, heading: &st
 }
 
 impl Playback {
-    /// The picture of the current moment with a heading and a legend.
+    /// The picture of the current moment with a title and a legend.
     #[must_use]
     pub fn figure(&mut self, view: &View, heading: &str) -> Drawing {
         let mut picture = Picture::default();

@@ -9,8 +9,8 @@ use crate::picture::Picture;
 pub(super) type Crossing = (i64, f64, i32);
 
 /// Paints parallel lines inside the union of closed polygons (nonzero winding rule). The lines are
-/// `apart_m` apart and run along `angle` (rad, from +x). They are on one lattice in the world, so
-/// that the lines of adjacent areas align.
+/// `apart_m` apart and run along `angle` (rad, from +x). Their positions in the world do not depend
+/// on the polygons, so the lines of adjacent areas align.
 pub(super) fn paint(
     picture: &mut Picture,
     polygons: &[Vec<[f64; 2]>],

@@ -16,11 +16,11 @@ pub struct Layer {
     pub level: Option<&'static str>,
     /// Its meaning, as a sentence.
     pub meaning: &'static str,
-    /// Style class of the colour that it is drawn in.
+    /// CSS classes of the layer's colour sample, such as `shade human`.
     pub swatch: &'static str,
     /// Whether it is shown by default.
     pub is_usual: bool,
-    /// Paints it, with buffers that the playback reuses from frame to frame.
+    /// Paints it. The playback provides buffers that are reused from frame to frame.
     pub paint: fn(&mut Playback, &Style, &mut Picture),
     /// Its legend at this moment. Empty if it draws nothing.
     pub legend: fn(&Playback, &Style) -> Vec<LegendItem>,

@@ -7,14 +7,14 @@ use crate::chart::{Colour, LegendItem, Pen, colours, number};
 use crate::picture::Picture;
 use crate::scene::Evader;
 
-/// Paints the set {V_HR ≤ 0}, in which a robot with its current heading could force a collision,
-/// and the other levels of the style.
+/// Paints the set {V_HR ≤ 0} and the other levels of the style. In this set, a robot with its
+/// current heading could force a collision.
 pub(super) fn human(playback: &mut Playback, style: &Style, picture: &mut Picture) {
     paint(playback, style, Evader::Human, picture);
 }
 
-/// Paints the set {V_RH ≤ 0}, in which a human with their current heading could force a collision,
-/// and the other levels of the style.
+/// Paints the set {V_RH ≤ 0} and the other levels of the style. In this set, a human with their
+/// current heading could force a collision.
 pub(super) fn robot(playback: &mut Playback, style: &Style, picture: &mut Picture) {
     paint(playback, style, Evader::Robot, picture);
 }

@@ -35,12 +35,12 @@ pub enum Way {
     /// Like [`Self::Earlier`], but the regression also uses the robot's position in the human's
     /// frame and the human's recent turns.
     History,
-    /// Only the likeliest input of [`Self::Earlier`] at each step.
+    /// Like [`Self::Earlier`], but the human takes only the likeliest input at each step.
     LearnedDisturbance,
-    /// Hulls of the participant's recorded futures in earlier trials after the same input.
+    /// Hulls of the futures that followed the same input in the participant's earlier trials.
     Empirical,
-    /// Normal distributions of the participant's deviations from holding the input, in earlier
-    /// trials.
+    /// Normal distributions of the participant's deviations, in earlier trials, from a path with
+    /// constant input.
     Gaussian,
     /// Every input is equally likely.
     Constant,

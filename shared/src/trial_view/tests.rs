@@ -79,8 +79,8 @@ fn a_frame_does_not_depend_on_the_frames_before() {
     assert_eq!(paint(&mut used), fresh);
 }
 
-/// Records a trial step by step, and corrects its last step once each time. At each moment, the
-/// trial looks like the whole trial.
+/// Records a trial step by step. Each step is first recorded with a wrong input and then corrected.
+/// At each moment, the playback looks like the playback of the whole trial.
 #[test]
 fn a_trial_that_is_being_driven_is_seen_like_a_recorded_one() {
     let mut whole = playback();
@@ -91,7 +91,7 @@ fn a_trial_that_is_being_driven_is_seen_like_a_recorded_one() {
     live.use_safety(whole.safety().unwrap().clone()).unwrap();
     live.use_learned(whole.learned().cloned()).unwrap();
     live.show_window(whole.window());
-    // Only the future, which only a recorded trial knows, may differ.
+    // Only the future may differ, because only the whole trial contains it.
     let mut view = View::default();
     view.shown[layers::place("future").unwrap()] = false;
     for step in 1..inputs.len() {

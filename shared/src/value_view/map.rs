@@ -63,9 +63,9 @@ pub fn domain(function: &ValueFunction) -> Window {
 }
 
 impl Map {
-    /// V at the heading `psi` (rad), in a picture of this width (px). There is one tone between
-    /// neighbouring levels. The levels are labelled, {V = 0} is the strongest line, and the danger
-    /// disc is dashed.
+    /// V at the heading `psi` (rad), in a picture of this width (px). Each band between
+    /// neighbouring levels has one tone. The levels are labelled, {V = 0} is the strongest line,
+    /// and the danger disc is dashed.
     #[must_use]
     pub fn of_value(
         function: &ValueFunction,

@@ -55,8 +55,8 @@ impl Mesh {
             let length = dot(normal, normal).sqrt().max(f64::MIN_POSITIVE);
             normal.map(|part| part / length)
         };
-        // The smooth sides at each vertex, each with the normal of its first triangle and the index
-        // of the mesh's vertex.
+        // For each vertex of the surface, its smooth sides. Each side has the normal of its first
+        // triangle and the index of its vertex in the mesh.
         let mut sides: Vec<Vec<([f64; 3], usize)>> = vec![Vec::new(); surface.vertices.len()];
         let mut corners: Vec<([f64; 3], [f64; 3])> = Vec::new();
         let mut indices = Vec::with_capacity(3 * surface.triangles.len());
@@ -91,7 +91,7 @@ impl Mesh {
     }
 }
 
-/// Height of a full turn of ψ in the drawing, in metres at the scale of x and y.
+/// Height of the whole range of ψ (2π) in the drawing, in metres at the scale of x and y.
 pub(super) fn height_m(window: Window) -> f64 {
     let sides = [0, 1].map(|d| window.high[d] - window.low[d]);
     0.8 * sides[0].max(sides[1])

@@ -143,8 +143,8 @@ impl Orbit {
         for triangle in mesh.indices.chunks_exact(3) {
             let corners = [0, 1, 2].map(|n| mesh.vertex(triangle[n]));
             let flat = corners.map(|(state, _)| self.place(state));
-            // A triangle that appears clockwise faces away. Since y points downwards, its cross
-            // product is then positive.
+            // A triangle that appears clockwise faces away. The cross product of its edges is
+            // positive, because y points downwards.
             let [[ax, ay], [bx, by], [cx, cy]] = flat;
             if (bx - ax) * (cy - ay) - (by - ay) * (cx - ax) >= 0.0 {
                 continue;

@@ -6,7 +6,8 @@ use crate::reachability::ValueFunction;
 use crate::vehicle::Pose;
 use crate::vehicle::dubins::{arc, relative_state};
 
-/// A game in which both vehicles play optimally. It ends half a turn after their closest approach.
+/// A game in which both vehicles play optimally. It ends when the vehicles have not come closer for
+/// as long as the slower-turning vehicle takes to turn by 180°.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Play {
     /// Time between two states (s).
@@ -33,7 +34,7 @@ pub struct Play {
 /// and the distance changes by at most this fraction of the radius.
 const STEP: f64 = 0.004;
 /// Maximum duration of a game, as the angle (rad) that the slower-turning vehicle can turn in this
-/// time. Chases may take several turns.
+/// time. In a chase, vehicles can drive several full circles.
 const LONGEST: f64 = 8.0 * PI;
 /// Smallest decrease of the distance that counts as an approach, as a fraction of the radius. For
 /// two vehicles side by side, rounding errors alone can reduce the distance in every step.

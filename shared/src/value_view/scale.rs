@@ -14,7 +14,8 @@ pub(super) const DARK: Colour = Colour::rgb([0x16, 0x10, 0x24]);
 /// Maximum number of bands of a scale.
 const MOST: usize = 13;
 
-/// Ascending levels, with a tone for each band: one below each level, and one above the last level.
+/// Ascending levels, with a tone for each band. There is a band below each level and a band above
+/// the last level.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scale {
     /// The levels, each of which separates two tones.
@@ -45,8 +46,8 @@ impl Scale {
         Self { places: places(&levels), levels, ends, tones: colours::SAFE_REGIONS }
     }
 
-    /// The scale for V of a function over a window, from −R to the 90 % quantile of V over the
-    /// window and all headings, but at least to R/2.
+    /// The scale for V of a function over a window. It reaches from −R to the 90 % quantile of V
+    /// over the window and all headings, but at least to R/2.
     #[must_use]
     pub fn of(function: &ValueFunction, window: Window) -> Self {
         const SIDE: u32 = 20;
@@ -109,7 +110,7 @@ impl Scale {
             chart.add(Cells { ink: self.tone(band).into(), boxes: vec![[0.0, low, 1.0, high]] });
         }
         chart.draw(drawing, frame);
-        // Right-aligned with the bar, because there is more room to the left.
+        // The name is right-aligned with the bar, because there is more room to the left.
         let at = [frame.left + frame.width, frame.top - 12.0];
         drawing.text(&format!("{name} (m)"), at, 11.5, colours::MUTED, Align::Right);
         if self.levels.contains(&0.0) {

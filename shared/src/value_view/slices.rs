@@ -80,7 +80,7 @@ fn dashed() -> Pen {
     Pen::new(colours::MUTED, 1.2).dashed(4.0, 4.0)
 }
 
-/// The part of the plane that all panels show, with a limited aspect ratio, because both axes have
+/// The part of the plane that all panels show. Its aspect ratio is limited, because both axes have
 /// the same scale.
 fn window_of(curves: &[Vec<Curves>], radius_m: f64) -> Window {
     let mut window = Window::square(radius_m);

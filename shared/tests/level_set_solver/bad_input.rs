@@ -85,7 +85,7 @@ fn an_axis_with_too_few_nodes_is_refused() {
 
 #[test]
 fn a_grid_beyond_the_memory_is_refused_at_once() {
-    // Use the fastest of three runs, because a busy machine may delay a test.
+    // Use the fastest of three runs, because a busy machine can delay a test.
     let waited = [(); 3].map(|()| {
         let start = std::time::Instant::now();
         refuse_grids_beyond_the_memory();
@@ -144,13 +144,13 @@ fn regions_without_a_value_are_refused() {
     fn later([x, _]: [f64; 2], time: f64) -> f64 {
         if time > 0.3 { f64::NAN } else { x }
     }
-    // The first such node in memory order has x = −2 + 11·4/14 and y = 7/3.
+    // In memory order, the first node at which `hole` is NaN has x = −2 + 11·4/14 and y = 7/3.
     let place = "[1.1428571428571428, 2.333333333333333]";
     let complaint = refused(|problem, _| problem.target = Region::Static(&hole));
     assert_eq!([&complaint.field, &complaint.found], ["target", &format!("NaN at {place}")]);
     let complaint = refused(|problem, _| avoid(problem, Region::Static(&hole)));
     assert_eq!([&complaint.field, &complaint.found], ["avoid", &format!("NaN at {place}")]);
-    // The value overflows f32.
+    // The value of `huge` overflows f32.
     let complaint = refused(|problem, _| problem.target = Region::Static(&huge));
     assert_eq!([&complaint.field, &complaint.found[..3]], ["target", "inf"]);
     let complaint = refused(|problem, _| problem.target = Region::OfMarchTime(&later));
@@ -172,7 +172,7 @@ fn a_game_without_a_value_is_refused() {
         (Broken { bound: 1.0, rate: 1e3 }, "value"),
     ] {
         for kind in [Kind::Tube, Kind::Set] {
-            // Only a tube has bounds that an excessive speed violates.
+            // An excessive speed violates the bounds of V, which exist only for a tube.
             if kind == Kind::Set && game.rate == 1e3 {
                 continue;
             }
@@ -214,12 +214,13 @@ fn an_obstacle_that_covers_the_target_is_refused() {
     let of = |region| refused(new().with_avoid(Region::Static(region)));
     assert_eq!(of(&depth), say("avoid", "negative", "target"));
     assert_eq!(of(&|_| -1.0), say("avoid", "negative", "grid"));
-    // This function has the old sign convention, but the new one is expected.
+    // This function has the old sign convention, but `with_avoid` expects the new one.
     assert_eq!(of(&positive_inside), say("avoid", "negative", "target"));
     #[allow(deprecated, reason = "it still means what it meant")]
     let old = |region| new().with_obstacle(Region::Static(region));
     assert_eq!(refused(old(&|_| 1.0)), say("obstacle", "positive", "grid"));
-    // Here, half of the target is free. A target outside the grid is not an error.
+    // The obstacle `shared` leaves half of the target free. A target outside the grid is not an
+    // error.
     assert!(solve(new().with_avoid(Region::Static(&shared))).is_ok());
     let far = |_: [f64; 2]| 1.0;
     let nowhere = Problem::new(&game, grid, Region::Static(&far), Horizon::Finite(0.1));

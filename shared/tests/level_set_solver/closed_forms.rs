@@ -5,7 +5,7 @@ use super::*;
 /// Error bound where V has a kink. The upwind scheme at speed 1 has the numerical diffusion D = Δx
 /// (1 − cfl)/2. After T seconds, diffusion has raised max(y, 0) at y = 0 to √(D · T/π). In
 /// addition, the bottom of a valley initially rises by half a cell. Higher-order schemes have
-/// smaller errors in the end, and errors of at most two cells from the start.
+/// smaller errors at the end, and errors of at most two cells at any time.
 pub(crate) fn kink_bound(dx: f64, cfl: f64, seconds: f64, scheme: Scheme) -> f64 {
     if scheme == Scheme::Upwind {
         0.5 * dx + (0.5 * dx * (1.0 - cfl) * seconds / PI).sqrt()
@@ -16,7 +16,7 @@ pub(crate) fn kink_bound(dx: f64, cfl: f64, seconds: f64, scheme: Scheme) -> f64
 
 /// The system ẋ = u with |u| ≤ 1 moves by at most T. The interval |x| ≤ r is therefore reached from
 /// |x| ≤ r + T, and V = max(|x| − T, 0) − r. This holds forward and backward, for tubes and sets,
-/// because the system may wait at the best place.
+/// because the system can wait at the best place.
 #[test]
 fn an_interval_grows_at_full_speed() {
     let (game, radius) = (Drift { drift: [0.0], speed: [1.0] }, 0.5);
@@ -238,8 +238,8 @@ fn two_double_integrators_reach_a_square() {
 
 /// ẋ = u, |u| ≤ 1, with the target |x| ≤ r and an impassable wall of half width w around b. The
 /// height of the wall is h(x) = w − |x − b|. Before the middle of the wall, V = max(max(|x| − T, 0)
-/// − r, h(x)). Beyond the middle, the way leads over the top of the wall, so V = max(x − T − r, w)
-/// while T suffices to reach the top.
+/// − r, h(x)). Beyond the middle, every path to the target crosses the top of the wall, so V =
+/// max(x − T − r, w) if T is long enough to reach the top.
 #[test]
 fn a_wall_keeps_off_what_lies_behind_it() {
     let (radius, width, wall, seconds) = (0.5, 0.5, 2.0, 3.0);

@@ -4,7 +4,7 @@ use super::*;
 use sidestep::reachability::{ControlAffine, DubinsCar, Players, PursuitGame, RelativeDubins};
 use sidestep::vehicle::VehicleModel;
 
-/// Solves both games on the same grid. The solutions may differ only by rounding errors.
+/// Solves both games on the same grid. The solutions must be equal up to rounding errors.
 fn compare<const D: usize>(
     axes: [Axis; D],
     by_hand: &impl Game<D>,
@@ -22,7 +22,7 @@ fn compare<const D: usize>(
             let found = solved::<f64, D, _>(&affine, &settings);
             assert_eq!(found.steps, expected.steps);
             let worst = gap(&expected, &found);
-            // How large single-precision errors are depends on the march, so measure them with the
+            // The size of single-precision errors depends on the march, so it is measured with the
             // hand-written game.
             let hand_single = gap(&expected, &solved::<f32, D, _>(&hand, &settings));
             let single = gap(&expected, &solved::<f32, D, _>(&affine, &settings));

@@ -49,7 +49,7 @@ fn other_bytes_are_refused_by_name() {
     assert!(refused(&longer).contains("bytes after its end"));
 }
 
-/// Every bit of an array's numbers and header matters.
+/// A change of any bit of an array's numbers or header is detected.
 #[test]
 fn damaged_arrays_are_refused() {
     let whole = march::<f32>(1);
@@ -58,7 +58,7 @@ fn damaged_arrays_are_refused() {
     for at in 0..bytes.len() {
         let mut damaged = bytes.clone();
         damaged[at] ^= 0x40;
-        // Damage that is not noticed is in metadata, such as the archive's time.
+        // Damage that is not detected is in metadata, such as the archive's time.
         if let Ok(solution) = Solution::<f32, 2>::from_npz(&damaged) {
             assert_eq!(solution, whole, "byte {at}");
             changed += 1;

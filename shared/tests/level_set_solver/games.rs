@@ -81,7 +81,7 @@ impl Game<4> for TwoMasses {
     }
 }
 
-/// A game with a bug.
+/// A faulty game: the speed that it reports (`bound`) can differ from the true speed (`rate`).
 #[derive(Debug)]
 pub(crate) struct Broken {
     pub(crate) bound: f64,

@@ -52,7 +52,7 @@ fn solved<T: Real, const D: usize, G: Game<D>>(
     solve(problem, settings, &mut |_| ControlFlow::Continue(())).expect("a solution")
 }
 
-/// The target `region` within `seconds`, without an obstacle.
+/// The problem of reaching `target` within `seconds`, without an obstacle.
 fn problem<'a, const D: usize, G: Game<D>>(
     game: &'a G,
     axes: [Axis; D],

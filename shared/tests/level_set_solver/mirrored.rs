@@ -67,7 +67,7 @@ fn half_of_the_nodes_give_all_values() {
             let [half, whole] = both(grid, scheme, Region::Static(&target), forward);
             assert_eq!(half.len(), 3 * grid.len());
             let gaps = half.iter().zip(&whole).map(|(a, b)| (a - b).abs());
-            // ENO3 still has such ties, between third differences on both sides of the middle.
+            // With ENO3, ties between the third differences on both sides of the middle remain.
             let (found, most) = match scheme {
                 Scheme::Eno3 => (gaps.sum::<f64>() / half.len() as f64, 1e-3),
                 _ => (gaps.fold(0.0, f64::max), 1e-9),
@@ -88,8 +88,8 @@ fn half_of_the_nodes_give_all_values() {
     }
 }
 
-/// A target on one side or a moving target is not symmetric. The result then equals the result on
-/// the whole grid, bit for bit.
+/// A target on one side, or a target that moves to one side, is not symmetric. For such targets,
+/// the result equals the result on the whole grid, bit for bit.
 #[test]
 fn problems_without_the_symmetry_are_solved_as_a_whole() {
     let aside = |[x, y, _]: [f64; 3]| hypot(x, y - 1e-6) - 2.5;

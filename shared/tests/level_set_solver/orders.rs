@@ -61,7 +61,7 @@ fn each_scheme_has_its_order_before_a_kink_forms() {
 }
 
 /// A known limit of the method, which the twin shares. Where the dissipation exceeds the slope,
-/// ENO3 may choose its outermost stencils on both sides. Their fastest mode then decays at the rate
+/// ENO3 can choose its outermost stencils on both sides. Their fastest mode then decays at the rate
 /// (20/3) · speed/cell. TVD-RK3 is stable up to a rate of 2.51 per time step, which corresponds to
 /// a CFL number of 0.377.
 #[test]

@@ -32,7 +32,7 @@ fn tube<T: Real>(
     solved(&problem, &Settings::new(scheme).with_threads(2).with_slices(2))
 }
 
-/// Number of cells by which an obstacle may seem larger if V jumps at its edge.
+/// Number of cells by which an obstacle can seem larger if V jumps at its edge.
 const CELLS: f64 = 3.0;
 
 /// For any height of the obstacle function, the tube lies between two reference tubes. One is the
@@ -60,7 +60,7 @@ fn check_heights<T: Real>(scheme: Scheme, epsilon: f64) {
         }
         let share = wrong as f64 / grid.len() as f64;
         eprintln!("{} {epsilon:.0e} 1e{exponent}: {share:.4} {outside} outside", scheme.name());
-        // The error that a low wall causes is at most its height.
+        // The error that a low wall causes is at most the height of the wall.
         if height >= 1.0 {
             assert!(outside == 0, "{scheme:?} {height}: {outside}");
             assert!(share < 0.025, "{scheme:?} {height}: {share}");
@@ -76,8 +76,9 @@ fn an_obstacle_may_have_any_height() {
     }
 }
 
-/// Solves a game in the plane, with an optional obstacle and a target that is 0.5 deep. If the
-/// solver warns that little of V is left, returns the lowest V and the lowest value of the target.
+/// Solves a game in the plane, with an optional obstacle. The target function is −0.5 at its
+/// lowest. If the solver warns that V has become too flat, returns the lowest V and the lowest
+/// value of the target function.
 fn shallow(kind: Kind, avoid: Option<&(dyn Fn([f64; 2]) -> f64 + Sync)>) -> Option<[f64; 2]> {
     let axes = [Axis::bounded(-3.0, 3.0, 61), Axis::bounded(-2.0, 2.0, 41)];
     let game = Drift { drift: [0.0; 2], speed: [1.0; 2] };
@@ -139,9 +140,9 @@ fn one_low_wall_turns_few_signs() {
     }
 }
 
-/// Let M be the maximum of |l|. A wall that is higher than M gives the same V as a wall of height
-/// M, bit for bit, and its own height inside the wall, because max(l, min(g, M)) = min(max(l, g),
-/// M). The wall and the target may move.
+/// Let M be the maximum of |l|. Inside a wall that is higher than M, V is the height of the wall.
+/// Outside it, V is the same as for a wall of height M, bit for bit, because max(l, min(g, M)) =
+/// min(max(l, g), M). In some cases, the wall or the target moves.
 #[test]
 fn a_wall_above_the_target_is_as_good_as_any_other() {
     let side = |nodes| Axis::bounded(-3.0, 3.0, nodes);
@@ -234,8 +235,8 @@ fn no_wall_opens_a_way() {
     }
 }
 
-/// The target {l ≤ 0}, given by the minimum of l over a rectangle with this centre and these half
-/// sides.
+/// A target {l ≤ 0}, given by a function that returns the minimum of l over the rectangle with this
+/// centre and these half sides.
 type Least = fn([f64; 2], [f64; 2]) -> f64;
 
 /// Distance of `centre` from the interval of half width `half` around `x`.
@@ -258,7 +259,7 @@ const TARGETS: [Least; 6] = [
     |[x, y], [a, b]| 0.1 * square(square(gap(x, a, 0.0)) + square(gap(y, b, 0.0))) - 0.05,
 ];
 
-/// Number of fields of walls.
+/// Number of random fields of walls, each with a random game.
 const FIELDS: usize = 72;
 
 /// A field of walls around its centre, in units of grid cells: corridors of one to four nodes along
@@ -301,9 +302,10 @@ impl Walls {
     }
 }
 
-/// Like `no_wall_opens_a_way`, but for low walls beside targets of any slope, which may vary from
-/// place to place. The walls may move. Within T, ẋ = c + u with |u_d| ≤ s_d reaches rectangles
-/// around x + cτ whose half sides are sτ. The minimum of l over them is a lower bound on V.
+/// Like `no_wall_opens_a_way`, but for low walls beside targets whose slope is arbitrary and can
+/// vary in space. Some walls move. For ẋ = c + u with |u_d| ≤ s_d, the states that can be reached
+/// after τ ≤ T are in a rectangle around x + cτ whose half sides are s_d τ. The minimum of l over
+/// these rectangles is a lower bound on V.
 #[test]
 fn no_wall_opens_a_way_beside_a_steep_target() {
     let mut rng = SeededRng::new(11);

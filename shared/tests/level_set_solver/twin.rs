@@ -83,8 +83,8 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
     }
 
     /// Finds jumps, and marks the jumps at passages. The obstacle at `time` is first clamped to the
-    /// target's values. At a jump, it changes between two neighbours by more than a quarter of its
-    /// range, and by more than four times the changes on both sides.
+    /// target's values. At a jump, the obstacle function changes between two neighbours by more
+    /// than a quarter of its range, and by more than four times the changes on both sides.
     fn look(&self, time: f64) {
         let (grid, Some(avoid)) = (&self.problem.grid, &self.avoid) else { return };
         if self.problem.kind == Kind::Tube {
@@ -384,7 +384,7 @@ pub(crate) fn compare_with_twin<const D: usize>(axes: [Axis; D], seconds: f64) {
             }
             mean_single = mean_single.max(sum / twin.len() as f64);
         }
-        // ENO chooses between stencils. In a tie, rounding errors decide, and the derivative may
+        // ENO chooses between stencils. In a tie, rounding errors decide, and the derivative can
         // jump.
         let [mean, max] = match scheme {
             Scheme::Upwind => [1e-7, 1e-6],

@@ -171,7 +171,8 @@ fn shares_of_trajectories_ascend_to_one() {
     }
 }
 
-/// Only with base roll-outs does a larger ε never give a smaller set.
+/// With base roll-outs, a larger ε never gives a smaller set. This does not hold for the paper's
+/// roll-outs.
 #[test]
 fn with_base_rollouts_sets_grow_with_epsilon() {
     let mut algorithm = Algorithm1::default();
@@ -203,10 +204,10 @@ impl ActionModel for Undecided {
     }
 }
 
-/// No theorem excludes this, because the paper's roll-outs follow the bounds of F_1 itself: a wider
-/// F_1 evaluates the model in other states. Here, the roll-outs with ε_1 = 0.16 rad/s leave the
-/// states in which the human is undecided between left and right. The resulting set does not
-/// contain the set with ε_1 = 0.15.
+/// No theorem excludes that a larger ε gives a smaller set. The paper's roll-outs follow the bounds
+/// of F_1 itself, so a wider F_1 evaluates the model in other states. In this example, the
+/// roll-outs with ε_1 = 0.16 rad/s leave the states in which the human is undecided between left
+/// and right. The resulting set does not contain the set with ε_1 = 0.15.
 #[test]
 fn with_the_papers_rollouts_a_larger_epsilon_can_give_a_smaller_set() {
     let history = [JointState { human: Pose::new(0.0, 0.0, 0.0), robot: Pose::new(9.0, 0.0, 3.0) }];

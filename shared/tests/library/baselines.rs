@@ -61,7 +61,7 @@ fn compare(seed: u64, points: usize) -> Pareto {
     pareto(&mut families, &sample.calibration, &sample.test, &settings).expect("a comparison")
 }
 
-/// One comparison, which is computed only once.
+/// The comparison that several tests use. It is computed only once.
 fn compared() -> &'static Pareto {
     static COMPARED: OnceLock<Pareto> = OnceLock::new();
     COMPARED.get_or_init(|| compare(1, 60))
@@ -104,7 +104,8 @@ fn calibrated_levels_cover_what_was_asked() {
     }
 }
 
-/// Every family is nested, so more coverage needs a higher level and an area that is no smaller.
+/// The sets of each family are nested. More coverage therefore needs a higher level, and the area
+/// does not decrease.
 #[test]
 fn areas_and_levels_grow_with_the_target() {
     let found = compared();

@@ -1,5 +1,5 @@
-//! The cache of a comparison. Cached parts are not computed again, changed parts are, cancelling
-//! stops the computation, and people who cannot be compared are left out.
+//! The cache of a comparison. Cached parts are not computed again, but changed parts are.
+//! Cancelling stops the computation. People who cannot be compared are left out.
 
 // Clippy permits `unwrap` in `#[test]` functions. Helpers outside them are also test code.
 #![allow(clippy::unwrap_used)]
@@ -108,7 +108,7 @@ fn only_what_changed_is_computed_again() {
     assert_eq!(cache.computed(), 2 * 4);
     assert_eq!(further.comparison.cells.len(), 2 * 2 * 5 * 10);
 
-    // The leakage check adds the other kind of split, for one feature set.
+    // The leakage check adds a split by time step, for one feature set.
     settings.leakage = true;
     study.run(&settings, &cache, &go_on).unwrap();
     assert_eq!(cache.computed(), 2 * 4);
@@ -167,7 +167,7 @@ fn what_is_broken_off_computes_no_more_than_had_begun() {
         if progress.done >= 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     assert_eq!(study.run(&settings, &cache, &enough), Err(AnalysisError::Stopped));
-    // Each thread may have finished one more part.
+    // Each thread can have finished one more part after the cancellation.
     let computed = cache.computed();
     let threads = std::thread::available_parallelism().unwrap().get();
     assert!((5..5 + threads).contains(&computed), "{computed}");

@@ -202,11 +202,11 @@ fn zero_on_the_barriers_of_the_reference() {
 // ---- play -------------------------------------------------------------------
 
 /// The angle by which a vehicle turns between two decisions (rad). On the kink, a pursuer that
-/// decides first may choose the wrong side for one step. This costs it up to 2·|∂V/∂ψ| times this
-/// angle. On the kink, |∂V/∂ψ| ≤ ρ, so the cost is less than the allowed 10⁻³ ρ.
+/// decides first can choose the wrong side for one step. This costs the pursuer up to 2·|∂V/∂ψ|
+/// times this angle. On the kink, |∂V/∂ψ| ≤ ρ, so the cost is less than the allowed 10⁻³ ρ.
 const TURN_OF_A_STEP: f64 = 4e-4;
 
-/// How much worse than V the outcome of a play may be (turning radii).
+/// Allowed difference by which the outcome of a play is worse than V (turning radii).
 const SLACK: f64 = 1e-3;
 
 /// Number of plays against each habit.
@@ -216,14 +216,14 @@ const PLAYS: usize = 120;
 /// circle.
 const HALF_CIRCLES: f64 = 1.5;
 
-/// The vehicle that is driven.
+/// The vehicle that a driver controls.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Role {
     Evader,
     Pursuer,
 }
 
-/// A way of driving.
+/// The rule by which a driver chooses the turn rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Habit {
     /// Optimal according to the analysis.
@@ -238,8 +238,9 @@ enum Habit {
     Restless,
     /// The pursuer turns towards the evader, and the evader turns away from the pursuer.
     PointBlank,
-    /// The pursuer turns towards the position that the evader will have a quarter of a turn later.
-    /// The evader turns away from the pursuer's future position.
+    /// The pursuer turns towards the position that the evader will have if it drives straight for
+    /// the time of a quarter circle. The evader turns away from the corresponding position of the
+    /// pursuer.
     Lead,
     /// The turn that leads to the best value if it is held for a while, given the other vehicle's
     /// turn.
@@ -376,7 +377,7 @@ fn nearest_of_segment([ax, ay]: [f64; 2], [bx, by]: [f64; 2]) -> f64 {
 }
 
 /// The minimum range during a play from `state`, minus R (m). The driver under test decides first,
-/// and the other driver may know this decision.
+/// and the other driver knows this decision.
 fn play(
     game: &ExactValue,
     state: [f64; 3],
@@ -435,8 +436,8 @@ fn start(game: &ExactValue, index: usize, rng: &mut SeededRng) -> [f64; 3] {
     }
 }
 
-/// Lets `tested` play optimally against every habit of the other driver. The loss is how much worse
-/// than V the outcome is for `tested`. It must be within the slack.
+/// Makes `tested` play optimally against every habit of the other driver. `loss` converts the
+/// outcome minus V (m) to the loss of `tested`, which must be at most [`SLACK`].
 fn check_play(tested: Role, seed: u64, loss: impl Fn(f64) -> f64) {
     for habit in HABITS {
         let mut rng = SeededRng::new(seed);
@@ -516,7 +517,8 @@ fn a_bad_batch_names_the_row() {
 #[test]
 fn the_same_bits_everywhere() {
     // FNV-1a over the bits. The constant was computed natively on x86-64 and in WebAssembly. A
-    // change of the formula may change it; another machine must not.
+    // change of the formula can change this constant, but the hash must be the same on every
+    // machine.
     let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
     let mut rng = SeededRng::new(32);
     for _ in 0..10_000 {

@@ -111,7 +111,8 @@ fn every_model_is_fitted_whoever_drives() {
     fitted(0..3, &models, &[papers, body, all]);
 }
 
-/// For each of these seeds, solvers of linear SVMs cycle if they fully correct every step.
+/// For each of these seeds, an interior-point solver of linear SVMs cycles if it applies the full
+/// correction in every step.
 #[test]
 fn every_linear_svm_is_fitted_whoever_drives() {
     let mut sets = NamedSet::papers().unwrap();

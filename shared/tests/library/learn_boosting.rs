@@ -122,7 +122,7 @@ fn folds_choose_what_predicts_trials_that_were_not_seen() {
         let (model, chosen) = fit_by_folds(&samples, &folds, &[2, 3], &settings).unwrap();
         assert_eq!(model.rounds(), chosen.rounds);
         assert!(chosen.rounds > 0 && chosen.rounds < settings.rounds);
-        // Patience only stops the search early, so more patience chooses the same rounds.
+        // Patience only stops the search early, so more patience chooses the same number of rounds.
         let patient = settings.with_patience(60).with_rounds(150);
         assert_eq!(fit_by_folds(&samples, &folds, &[2, 3], &patient).unwrap().1, chosen);
         // Compute the loss of the chosen number of rounds directly, with one fold after another

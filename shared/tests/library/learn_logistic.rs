@@ -39,8 +39,9 @@ fn whether_agrees_with_scikit_learn() {
     agrees_with_scikit_learn(2);
 }
 
-/// The solver of another library on the same rows: L-BFGS to a gradient of 10⁻⁹, or as far as its
-/// line search gets. Its penalty is 1/C and, like ours, does not include the intercepts.
+/// Compares with another library, linfa, on the same rows. It runs L-BFGS until the gradient is
+/// 10⁻⁹ or the line search makes no more progress. Its penalty is 1/C and, like ours, does not
+/// include the intercepts.
 #[test]
 fn linfa_finds_the_same_models() {
     let mut apart = 0.0_f64;
@@ -97,7 +98,7 @@ fn a_path_ends_where_fits_on_their_own_do() {
             let apart = furthest(&numbers(model), &alone);
             assert!(apart < 1e-9, "C = {c}: {apart:e} apart");
         }
-        // The values of C may also be in any order, with repetitions and jumps.
+        // The values of C can also be in any order, with repetitions and jumps.
         let order = [1e2, 1e2, 1e-3, 1.0];
         for (&c, model) in order.iter().zip(fit_path(&samples, &order, settings).unwrap()) {
             let alone = numbers(&fit(&samples, c, settings).unwrap());

@@ -27,8 +27,8 @@ fn scikit_learns_svms_are_found_again() {
 }
 
 /// scikit-learn computes the probability of each class against the rest, and we couple pairs of
-/// classes. For two classes, the results are the same. They are compared by the log loss on test
-/// rows.
+/// classes. For two classes, the probabilities are the same. For three classes, they differ, so
+/// only the log losses on test rows are compared.
 #[test]
 fn probabilities_do_as_well_as_scikit_learns() {
     for experiment in [1, 2] {

@@ -52,7 +52,7 @@ fn a_feature_is_one_entry() {
     }
 }
 
-/// A custom predictor for Algorithm 1, of a human who turns away from a robot on the left.
+/// A custom predictor for Algorithm 1. It predicts a human who turns away from a robot on the left.
 #[test]
 fn a_predictor_is_two_methods() {
     struct Avoider;

@@ -92,8 +92,9 @@ fn studies_of_other_vehicles_and_clocks() {
     }
 }
 
-/// Only the clock differs: the scenes are the same, and the behaviour is similar. In the reference,
-/// 58 to 72 % of the steps are without a key, and 15.5 % of the trials end in the danger zone.
+/// Compares keys that act immediately with keys that act at the clock of the study. The scenes are
+/// the same, and the behaviour is similar. In the reference, 58 to 72 % of the steps are without a
+/// key, and the human enters the danger zone in 15.5 % of the trials.
 #[test]
 fn the_clock_changes_little() {
     let parameters = SceneParameters::default();

@@ -92,8 +92,8 @@ fn tuning_does_not_depend_on_the_number_of_threads() {
     assert_eq!(on(1), on(3));
 }
 
-/// Uses several draws of the windows, because with 72 tasks, one unexpected key more or less moves
-/// ε by half its range.
+/// Uses several random draws of the windows. With only 72 tasks, a single unexpected key press can
+/// change ε by half of its range.
 #[test]
 fn the_adaptive_set_needs_less_area_than_the_worst_schedule() {
     let areas = |p: f64, choice: ActionChoice| -> Vec<f64> {
@@ -117,8 +117,8 @@ fn the_adaptive_set_needs_less_area_than_the_worst_schedule() {
     }
 }
 
-/// Tuned settings give the same sets online as offline. Humans touch plans that are reported as
-/// clear at most as often as the guarantee allows.
+/// Tuned settings give the same sets online as offline. The share of plans that are reported as
+/// clear but that the human touches is at most what the guarantee allows.
 #[test]
 fn what_was_tuned_predicts_online() {
     const STEP: usize = 12;

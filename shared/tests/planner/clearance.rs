@@ -103,7 +103,7 @@ fn holds(clearance: Clearance, expected_m: f64, accuracy_m: f64) {
     );
 }
 
-/// Human and robot drive straight. Their closest approach may be within a step.
+/// Human and robot drive straight. Their closest approach can be within a step.
 #[test]
 fn straight_drives_have_their_closed_form() {
     let mut rng = SeededRng::new(7);
@@ -128,8 +128,8 @@ fn straight_drives_have_their_closed_form() {
     }
 }
 
-/// A human who may always drive straight gets as far ahead as the speed allows, and as far to the
-/// right as the arc at the lowest turn rate.
+/// A human whose bounds always admit driving straight gets as far ahead as the speed allows, and as
+/// far to the right as the arc at the lowest turn rate.
 #[test]
 fn a_robot_that_stands_ahead_or_aside() {
     let set = || bounds(&[-0.5; 10], &[0.5; 10]);

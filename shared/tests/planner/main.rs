@@ -12,7 +12,7 @@ use sidestep::clearance::{Plan, PlanLimits};
 use sidestep::math::SeededRng;
 use sidestep::vehicle::{Pose, dubins};
 
-/// Speed, step and maximum turn rate of a human, and the horizon.
+/// Speed, step length and maximum turn rate of a human, and the number of steps.
 #[derive(Clone, Copy, Debug)]
 struct Class {
     speed_mps: f64,

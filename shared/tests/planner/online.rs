@@ -139,7 +139,7 @@ fn a_human_at_another_speed_is_noticed() {
 
 /// A human stands in the robot's way. At step 8, the robot is over the human, because their
 /// distance along the robot's path is 3 − 8 · 0.4 = −0.2 m. The sets assume a human at 2 m/s, so at
-/// step 8 they are 2 m away.
+/// step 8 these sets are 2 m away.
 #[test]
 fn nobody_who_stands_still_is_driven_over() {
     let parameters = SceneParameters::default();
@@ -179,7 +179,7 @@ fn nobody_who_stands_still_is_driven_over() {
     let other = Plan::driven(robot, &[(2.0, 0.0); STEPS], 0.1, super::FREE).unwrap();
     assert_eq!(online.clear(&other, &footprint).unwrap_err().field, "plan.step_s");
 
-    // With `assume_vehicle`, the caller gets these numbers anyway.
+    // With `assume_vehicle`, the caller gets clearances even for this human.
     assumed.predict().unwrap();
     let found = assumed.clear(&plan, &footprint).unwrap();
     assert!(found.unproved().is_none() && found.by_step(1)[8].at_least_m > 1.9);
@@ -230,7 +230,8 @@ impl ActionModel for Always {
     }
 }
 
-/// A human who mostly drives straight, and may turn at any rate for a while.
+/// A human who mostly drives straight, but in some trajectories turns at a constant rate from a
+/// random step on.
 fn behave(rng: &mut SeededRng) -> Trajectory {
     let robot = Pose::new(40.0, 0.0, 0.0);
     let (from, turn) =
@@ -321,8 +322,8 @@ fn bounds_say_what_they_assume_and_refuse_bad_input() {
         CoverageBounds::of_scores(&scores, epsilon, delta, &parameters, tolerance, 10)
     };
     let bounds = of(&[0.505, 0.945], 0.05).unwrap();
-    // Of 100 scores, 51 and 95 are inside. For these probabilities p, P(Bin(100, p) ≥ 51) and
-    // P(Bin(100, p) ≥ 95) are each 0.025.
+    // Of 100 scores, 51 are inside the first set and 95 are inside the second set. For the
+    // probabilities p below, P(Bin(100, p) ≥ 51) and P(Bin(100, p) ≥ 95) are each 0.025.
     for (found, inside) in bounds.outside().iter().zip([0.408_036_329_155, 0.887_165_088_895]) {
         assert!((found - (1.0 - inside)).abs() < 1e-9, "{found}");
     }

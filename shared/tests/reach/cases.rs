@@ -110,10 +110,10 @@ const STEP_S: f64 = 0.2;
 const BOX_M: f64 = 1e-3;
 const QUERY: Tolerance = Tolerance { position_m: 1e-3, heading_rad: 1e-3 };
 
-/// In this case, the reference draws the rear boundary with straight chords between the ends of
-/// paths that switch from the highest to the lowest rate at thirds of a step. The chords are behind
-/// the true rear boundary by more than the file's tolerance. Positions between the two are not
-/// reachable, as the random inputs in `properties.rs` show.
+/// Id of the case in which the reference draws the rear boundary with straight chords between the
+/// ends of paths that switch from the highest to the lowest rate at thirds of a step. The chords
+/// are behind the true rear boundary by more than the file's tolerance. Positions between the two
+/// are not reachable, as the random inputs in `properties.rs` show.
 const COARSE_REAR: usize = 4;
 
 impl Reference {

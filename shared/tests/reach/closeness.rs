@@ -43,8 +43,8 @@ fn spelt(letters: &str, pool: &[(f64, f64)]) -> ReachableSet {
     set(Pose::new(0.0, 0.0, 0.0), &lo, &hi)
 }
 
-/// These bounds exclude straight driving by less than 3·10⁻⁴ rad/s. Extremals missed positions by
-/// 406 mm, 7.8 mm and 2.3 mm.
+/// These bounds exclude straight driving by less than 3·10⁻⁴ rad/s. Polygons of extremals once
+/// missed positions by 406 mm, 7.8 mm and 2.3 mm.
 #[test]
 fn bounds_that_graze_straight_driving_hide_nothing() {
     let no_choice = (0.465_381_676_936_683_53, 0.465_381_676_936_683_53);

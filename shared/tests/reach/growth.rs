@@ -44,7 +44,7 @@ fn starts(pose: Pose, rng: &mut SeededRng) -> StartSet {
     StartSet::new(pose, position, heading).expect("a start")
 }
 
-/// Tests 10⁵ drives. None of their positions may be outside, not even by a rounding error.
+/// Tests 10⁵ drives. All their positions must be inside. Not even a rounding error is allowed.
 #[test]
 fn no_drive_leaves_a_conservative_polygon() {
     const PARTS: usize = 5;

@@ -12,15 +12,15 @@ use sidestep::vehicle::{Pose, dubins};
 /// Number of directions in which a hull touches the set.
 const DIRECTIONS: usize = 128;
 
-/// Bound on the growth of hulls (m) for an accuracy of 1 mm, plus a nanosecond of travel per
-/// second.
+/// Bound on the growth of hulls (m) for an accuracy of 1 mm. It includes the rounding error, which
+/// is the travel of a nanosecond for each second of the drive.
 const GROWN_M: f64 = 1.1e-5;
 
 fn settings() -> PolygonSettings {
     PolygonSettings::new(1e-3, 2).unwrap()
 }
 
-/// Speed (m/s), step (s), maximum turn rate (rad/s) and number of steps of each class.
+/// Speed (m/s), length of a step (s), maximum turn rate (rad/s) and number of steps of each class.
 pub(super) const CLASSES: [(f64, f64, f64, usize); 6] = [
     (2.0, 0.2, 0.5, 15),
     (10.0, 0.5, 3.0, 12),

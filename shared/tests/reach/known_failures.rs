@@ -1,5 +1,5 @@
-//! Reachable states that polygons and membership tests once missed. If a defect is still known, its
-//! test asserts that it still exists.
+//! Reachable states that polygons and membership tests once missed. If a defect is not fixed yet,
+//! its test asserts that the defect still exists.
 
 use super::{origin, random_drive, set};
 use sidestep::bounds::InputBounds;
@@ -155,7 +155,7 @@ fn no_polygon_misses_a_drive_at_large_turns_per_step() {
 }
 
 /// Many steps with the same bounds, followed by many steps with other bounds. Tubes of extremals
-/// were cut off by up to 6.80 m.
+/// were once cut off by up to 6.80 m.
 #[test]
 fn a_tube_contains_its_own_steps_under_bounds_of_two_parts() {
     let parts = |parts: [(f64, usize); 2]| parts.map(|(rate, steps)| vec![rate; steps]).concat();
@@ -207,7 +207,7 @@ fn membership_misses_no_state_at_large_turns_per_step() {
 
 /// At the paper's rates, a polygon with an accuracy of 0.1 mm once excluded two drives, by 0.147 mm
 /// and 0.194 mm. Their rates switch twice. Such paths bound the set only for a short range of end
-/// headings. The first one is drive 7 of the property test, with the random seed that found these
+/// headings. The first drive is drive 7 of the property test, with the random seed that found these
 /// bounds.
 #[test]
 fn a_polygon_misses_no_drive_that_switches_twice() {
@@ -250,7 +250,8 @@ fn long_steps_that_forbid_driving_straight_do() {
     assert_eq!(of(9e-5, 9e-5, 100, 2.0, 0.2).step_polygon(100, settings).len(), 1);
 }
 
-/// At accuracies below the distance travelled in 10⁻⁷ s, extremals missed drives by 0.35 to 3.6 mm.
+/// At accuracies below the distance travelled in 10⁻⁷ s, polygons of extremals once missed drives
+/// by 0.35 to 3.6 mm.
 #[test]
 fn a_polygon_of_high_accuracy_misses_no_fast_drive() {
     let lo = [

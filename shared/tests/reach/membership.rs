@@ -44,9 +44,9 @@ fn random_start(rng: &mut SeededRng) -> Pose {
     Pose::new(rng.uniform(-9.0, 9.0), rng.uniform(-9.0, 9.0), rng.uniform(-3.1, 3.1))
 }
 
-/// How far outside (m) a reachable state may seem, for each kind of bounds: in up to 10 steps, and
-/// in more steps. Kinds 1 to 3 are exact. Kind 0 is exact except for steps that do not admit turns
-/// to both sides.
+/// Allowed error (m): how far outside the set a reachable state can seem. Each kind of bounds has
+/// one value for up to 10 steps and one value for more steps. Kinds 1 to 3 are exact. Kind 0 is
+/// exact except for steps that do not admit turns to both sides.
 const MISSED_M: [(f64, f64); 5] =
     [(3e-4, 3e-3), (1e-6, 1e-6), (1e-6, 1e-6), (1e-6, 1e-6), (1e-3, 5e-3)];
 
@@ -145,7 +145,8 @@ fn probes(start: Pose, lo: &[f64], hi: &[f64], rng: &mut SeededRng) -> Vec<Pose>
 fn wider_bounds_contain_more_and_the_set_moves_and_mirrors() {
     let mut rng = SeededRng::new(13);
     let tolerance = Tolerance::default();
-    // The larger set is tested with a larger tolerance, so that numerical slivers do not decide.
+    // The larger set is tested with a larger tolerance, so that small numerical errors do not
+    // decide the result.
     let slack = Tolerance { position_m: 6e-3, heading_rad: 2e-3 };
     for round in 0..60 {
         let steps = [1, 2, 5, 10, 15, 20][round % 6];
@@ -280,8 +281,8 @@ fn an_uncertain_start_holds_what_any_of_its_poses_leads_to() {
                 let inside = decided == Membership::Inside;
                 open += usize::from(decided == Membership::Open);
                 assert!(inside || !found, "{start:?} {aside:?}");
-                // Possibly only few starts lead to the state, so random starts need only get near
-                // it.
+                // It is possible that only few starts lead to the state, so it is sufficient that a
+                // random start leads near it.
                 let near = Tolerance { position_m: 0.08, heading_rad: 0.04 };
                 assert!(!inside || found || any(near), "{start:?} {aside:?}");
                 outside += usize::from(!inside);

@@ -11,7 +11,7 @@ use sidestep::vehicle::{Pose, dubins};
 /// Number of sub-steps of a step in random drives.
 const PARTS: usize = 8;
 
-/// How far outside a position may be (m): the requested accuracy.
+/// Allowed distance of a reachable position outside a polygon (m), which is the requested accuracy.
 fn accuracy() -> f64 {
     PolygonSettings::default().accuracy_m()
 }
@@ -91,7 +91,7 @@ proptest! {
             prop_assert!(!polygon.is_empty());
             prop_assert!(polygon.iter().flatten().all(|c| c.is_finite()));
             prop_assert!(polygon.len() == 1 || polygon.first() != polygon.last());
-            // The polygon of a set that is thinner than the accuracy may cross itself.
+            // The polygon of a set that is thinner than the accuracy can cross itself.
             let [x0, y0, x1, y1] = bounding_box(&polygon).expect("a polygon");
             let slack = accuracy() * hypot(x1 - x0, y1 - y0);
             prop_assert!(signed_area(&polygon) >= -slack);

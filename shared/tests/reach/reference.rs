@@ -2,7 +2,7 @@
 
 use super::cases;
 
-/// How far outside the true set a point of the coarse rear boundary may be (m).
+/// Allowed distance of a point of the coarse rear boundary outside the true set (m).
 const COARSE_CHORD_M: f64 = 1.4e-3;
 
 #[test]

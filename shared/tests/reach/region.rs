@@ -12,7 +12,7 @@ type Edge = [[f64; 2]; 2];
 /// edges can be nearest.
 pub(crate) struct Region {
     polygon: Vec<[f64; 2]>,
-    /// How far outside a position may be (m).
+    /// Allowed distance of a position outside the polygon (m).
     allowed_m: f64,
     corner: [f64; 2],
     side_m: f64,
@@ -50,7 +50,7 @@ impl Region {
     }
 
     /// How far inside a position is, plus the allowance (m). If this exceeds `least`, the result
-    /// may be any number above `least`.
+    /// can be any number above `least`.
     pub(crate) fn margin(&self, position: [f64; 2], least: f64) -> f64 {
         let place = [0, 1].map(|i| ((position[i] - self.corner[i]) / self.side_m).floor());
         if !place.iter().all(|place| (0.0..CELLS as f64).contains(place)) {
@@ -72,7 +72,7 @@ impl Region {
 
     fn cell(&self, middle: [f64; 2]) -> Cell {
         let signed_m = signed_distance(&self.polygon, middle);
-        // The edge nearest to a position in the cell may be farther from the centre than the
+        // The edge nearest to a position in the cell can be farther from the centre than the
         // centre's nearest edge, but by at most the cell's diagonal (√2 sides).
         let within_m = signed_m.abs() + 1.5 * self.side_m;
         let near = edges(&self.polygon).filter(|edge| distance(edge, middle) <= within_m);

@@ -1,5 +1,5 @@
-//! Polygons neither cross nor touch themselves, because other libraries require this. The test uses
-//! brute force over pairs of edges.
+//! Polygons neither cross nor touch themselves, as other libraries require. The test checks every
+//! pair of edges.
 
 use super::hull::CLASSES;
 use sidestep::bounds::InputBounds;

@@ -4,9 +4,9 @@ use sidestep::math::{PI, sin_cos};
 use sidestep::reach::{PositionUncertainty, StartSet};
 use sidestep::vehicle::Pose;
 
-/// The pose of a start at three shares from −1 to 1. The first two are the position in a box (along
-/// and across the heading) or in a disc (angle and radius). The third is the share of the heading's
-/// uncertainty.
+/// A pose of an uncertain start, given by three numbers from −1 to 1. The first two are the
+/// position in a box (along and across the heading) or in a disc (angle and radius). The third is
+/// the deviation of the heading as a share of its uncertainty.
 pub(crate) fn pose_at(start: &StartSet, [along, across, turn]: [f64; 3]) -> Pose {
     let (a, b) = match start.position() {
         PositionUncertainty::None => (0.0, 0.0),

@@ -34,8 +34,8 @@ fn a_horizon_that_no_solve_gets_to_the_end_of_is_refused() {
     assert!(complaint.ends_with(" s, 1e8 time steps of this grid, found 1e300"), "{complaint}");
 }
 
-/// The drift is finite even if there are fewer sweeps than the window over which it is measured,
-/// because JSON cannot represent infinity.
+/// The drift is finite even if there are fewer sweeps than the window over which the drift is
+/// measured. It must be finite, because JSON cannot represent infinity.
 #[test]
 fn a_solve_of_few_sweeps_stays_marked_in_its_bytes() {
     let few = |most_sweeps| {

@@ -52,7 +52,7 @@ fn small_and_large_vehicles_are_solved_alike() {
             found.push((other.function.value(there) / scale - expected).abs());
             sent.push((again.value(there) / scale - expected).abs());
         }
-        // Radii with other binary digits round differently, so the solve may stop a window of
+        // Radii with other binary digits round differently, so the solve can stop one window of
         // sweeps earlier or later. A draft stops at a drift of 1.2 mm.
         assert!(quantile(&mut found, 0.99) < 3e-3, "{scale}: {}", quantile(&mut found, 0.99));
         assert!(quantile(&mut found, 1.0) < 0.05, "{scale}: {}", quantile(&mut found, 1.0));

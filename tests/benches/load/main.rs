@@ -1,9 +1,9 @@
 //! A server under load: `cargo xtask bench load`.
 //!
 //! Starts servers on a new database and uploads real trials over HTTP in three ways: at full speed,
-//! while a class enrols at once, and from people at their own pace. Afterwards every acknowledged
-//! trial is compared with the database. Two baselines run on the same disk: a loop that only
-//! inserts such trials with SQLite, and oTree.
+//! while many people enrol at the same time, and from people at their own pace. Afterwards every
+//! acknowledged trial is compared with the database. Two baselines run on the same disk: a loop
+//! that only inserts such trials with SQLite, and oTree.
 //!
 //! The benchmark uses one thread. `SIDESTEP_BIN` is the path of the server to measure.
 #![allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
@@ -78,7 +78,7 @@ struct Options {
 enum Scenario {
     /// Uploads at full speed, and at a fixed rate.
     Fast,
-    /// A class enrols at once while others upload.
+    /// Many people enrol at the same time while others upload.
     Class,
     /// People at their own pace, who reload, retry, vanish and withdraw.
     Natural,
@@ -111,14 +111,15 @@ impl Options {
 /// Number of connections that enrol.
 const ENROLLING: usize = 16;
 
-/// Number of people who enrol at once, and rate at which others upload trials meanwhile (1/s).
+/// Number of people who enrol at the same time, and the rate at which other people upload trials
+/// meanwhile (1/s).
 const CLASS: usize = 600;
 const BESIDE_PER_S: usize = 40;
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> ExitCode {
     let options = Options::parse().quickly();
-    // The folder must be on a disk, because the folder for temporary files may be in memory.
+    // The folder must be on a disk, because the folder for temporary files can be in memory.
     let folder = Folder::within(env!("CARGO_TARGET_TMPDIR"));
     LocalSet::new().run_until(measure(&options, &folder)).await
 }
@@ -234,7 +235,7 @@ async fn fast(options: &Options, under: &Under, peer_per_s: Option<f64>) {
     row("  put off by a 503, problems", crowd.troubles(), "");
 }
 
-/// A class enrols at once while others upload.
+/// Enrols [`CLASS`] people at the same time, while other people upload.
 async fn class(under: &Under) {
     let crowd = &under.crowd;
     crowd.enrol(BESIDE_PER_S, ENROLLING, 10.0).await;

@@ -1,4 +1,5 @@
-//! The alternative: oTree on SQLite. Its participants submit pages with a field of 4 KB.
+//! The alternative to Sidestep: oTree on SQLite. Its participants submit pages with a field of 4
+//! KB.
 
 use std::cell::Cell;
 use std::fs;

@@ -71,7 +71,7 @@ pub(crate) async fn measured() -> Value {
         gaps.extend(seen.headings.windows(2).map(|pair| pair[1].0 - pair[0].0));
         let presses = trial.key_events.iter().filter(|event| event.down).map(|event| event.t_ms);
         for (t_ms, stamp) in presses.zip(&seen.downs) {
-            // The trial's time starts with the scene, the browser's time with the page.
+            // The trial's time starts with the scene. The browser's time starts with the page.
             let wait = (t_ms / 200.0).ceil() * 200.0 - t_ms;
             let due = stamp + wait;
             let before = seen.headings.iter().rfind(|(at, _)| *at <= due).expect("a frame").1;

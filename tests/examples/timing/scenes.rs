@@ -27,7 +27,7 @@ pub(crate) const CASES: [Case; 4] = [
 /// Number of scenes of each case.
 const SCENES: usize = 8;
 
-/// A short protocol that omits everything that is not measured here.
+/// A short protocol that omits everything that the measurements do not need.
 pub(crate) const STUDY: &str = r#"
 slug = "default"
 phases = [{ phase = "task", scenes = 8 }]

@@ -19,7 +19,7 @@ use tokio::time::{sleep, sleep_until};
 /// `LocalSet`.
 #[derive(Debug, Default)]
 pub struct Crowd {
-    /// The servers of the study. New connections use them in turn.
+    /// The servers of the study. New connections use one server after another.
     servers: RefCell<Vec<SocketAddr>>,
     turn: Cell<usize>,
     /// People who have trials left to drive.
@@ -38,7 +38,7 @@ pub struct Crowd {
     refused: Cell<usize>,
     /// Descriptions of unexpected responses and disconnections.
     problems: RefCell<Vec<String>>,
-    /// Whether connections may break because a server will be killed.
+    /// Whether broken connections are expected because a server will be killed.
     pub mortal: Cell<bool>,
     /// No new work starts after this time.
     end: Cell<Option<Instant>>,
@@ -104,8 +104,8 @@ impl Crowd {
         self.waiting.borrow_mut().iter_mut().for_each(Person::prepare);
     }
 
-    /// Lets participants upload over this number of connections until time or participants run out.
-    /// Returns the number of acknowledged uploads and the time taken (s).
+    /// Makes participants upload over this number of connections until the time is over or no
+    /// participant is left. Returns the number of acknowledged uploads and the time taken (s).
     pub async fn upload(
         self: &Rc<Self>,
         connections: usize,
@@ -131,9 +131,9 @@ impl Crowd {
         (self.acknowledged.get() - before, took_s)
     }
 
-    /// Lets `count` people enrol at once, each on their own connection. Meanwhile others upload
-    /// `per_s` trials per second at a fixed rate. Returns the number of people enrolled and the
-    /// time taken (s).
+    /// Enrols `count` people at the same time, each on their own connection. Meanwhile, other
+    /// people upload `per_s` trials per second at a fixed rate. Returns the number of people
+    /// enrolled and the time taken (s).
     pub async fn class(self: &Rc<Self>, count: usize, per_s: usize, limit_s: f64) -> (usize, f64) {
         let stop = Rc::new(Cell::new(false));
         let mut beside = JoinSet::new();
@@ -149,7 +149,7 @@ impl Crowd {
                 }
             });
         }
-        // Wait until uploads are in progress before the class arrives.
+        // Wait until uploads are in progress before the `count` people enrol.
         self.until_acknowledged(self.acknowledged() + per_s).await;
         let before = self.enrolled.get();
         let took_s = self.together(count, limit_s, |crowd| async move {
@@ -261,7 +261,7 @@ impl Crowd {
         self.end.set(Some(end));
     }
 
-    /// Lets no new work start from now on.
+    /// Stops the run: no new work starts from now on.
     pub fn stop(&self) {
         self.ends_at(Instant::now());
         self.progress.notify_waiters();

@@ -98,7 +98,7 @@ impl Usage {
         const TICKS_PER_S: f64 = 100.0;
         let read = |name| std::fs::read_to_string(format!("/proc/{process}/{name}"));
         let (stat, status) = (read("stat").unwrap_or_default(), read("status").unwrap_or_default());
-        // The program's name, in parentheses, may contain spaces.
+        // The program's name, in parentheses, can contain spaces.
         let fields = stat.rsplit_once(')').map_or("", |(_, fields)| fields).split_whitespace();
         let ticks: Vec<f64> = fields.skip(11).take(2).flat_map(str::parse).collect();
         let kilobytes = |field: &str| {

@@ -25,9 +25,9 @@ pub struct Kills {
     pub seed: u64,
 }
 
-/// Starts a server in each of the folders, all on one database, and repeatedly kills one of them
-/// (SIGKILL) during uploads, while the others continue. Returns how long each server took to become
-/// ready. At the end all servers are killed.
+/// Starts a server in each folder. All servers use the same database. Repeatedly kills one of the
+/// servers (SIGKILL) during uploads, while the other servers continue. Returns how long each server
+/// took to become ready. At the end all servers are killed.
 ///
 /// # Panics
 /// If a server does not start.

@@ -66,8 +66,9 @@ impl Habits {
 }
 
 impl Crowd {
-    /// Lets `people` join, evenly distributed over `join_s`, and take part until `end_s` after the
-    /// start. Every action is due at a fixed time, whether or not earlier responses are late.
+    /// Simulates `people` people, who join evenly distributed over `join_s` and take part until
+    /// `end_s` after the start (s). Every action is due at a fixed time, whether or not earlier
+    /// responses are late.
     pub async fn take_part(
         self: &Rc<Self>,
         people: usize,

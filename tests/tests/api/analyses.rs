@@ -155,8 +155,8 @@ async fn a_study_is_analysed_as_by_the_command() {
     assert_eq!(second.files, detail.files);
     assert_eq!(count(&server, "analysis_cell").await, cells);
 
-    // With another feature set and another grid, only new models are computed. They are reported
-    // beside the others.
+    // With another feature set and another grid, only new models are computed. The tables and the
+    // report list them together with the other models.
     let slopes = json!({ "slopes": ["v_h", "dv_h_ahead", "dv_h_left"] });
     let wider = ask(&server, json!({ "sets": slopes, "grids": { "tree_leaf": [7] } })).await;
     let wider = done(&server, &wider.id).await.summary;

@@ -197,7 +197,7 @@ async fn a_process_that_is_asked_to_end_with_the_server_goes_on_at_the_next_star
     let server = Process::start(&folder).await;
     let request = server.request(Method::GET, &routes::admin_analysis(&id)).bearer_auth(key);
     let now: AnalysisDetail = Answer::of(request).await.into(200);
-    // The server may have restarted the analysis by now.
+    // The server might have restarted the analysis by now.
     assert!(!now.summary.state.is_over() && now.summary.message.is_none(), "{now:?}");
 }
 

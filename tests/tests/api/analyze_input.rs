@@ -393,7 +393,8 @@ async fn states_that_no_inputs_explain_are_refused() {
     assert!(said.contains("trials.csv: omega: expected") && said.contains("the opposite of omega"));
 }
 
-/// Safety levels computed for vehicles other than the driven ones would look like valid results.
+/// If the safety levels were computed for other vehicles than those of the trials, the results
+/// would look valid. Therefore, such trials are refused.
 #[tokio::test]
 async fn trials_of_other_vehicles_are_not_taken_for_these() {
     let folder = TempDir::new().unwrap();

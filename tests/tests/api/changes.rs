@@ -49,7 +49,8 @@ async fn an_open_page_hears_of_changes_and_only_of_changes() {
     let joined = next(&mut events).await;
     assert!(joined > at_once);
     driver.drive(&server, 3).await;
-    // Several changes at once cause one event, or two if the first event has already been sent.
+    // Several changes at the same time cause one event, or two if the first event has already been
+    // sent.
     assert!(next(&mut events).await > joined);
     while next_within(&mut events, SILENCE).await.is_some() {}
     // A readiness check changes nothing.

@@ -86,7 +86,8 @@ async fn what_a_lost_database_left_in_its_log_is_not_lost() {
     }
     assert_eq!(folder.text("lost.db-wal"), "the only copy of a trial");
     std::fs::remove_file(folder.name("lost.db")).unwrap();
-    // A backup under that name is also refused.
+    // A backup under the name `lost.db` is also refused, because it would be next to the log of the
+    // lost database.
     let onto = ["backup", "--database", &server.database(), "--out", &folder.name("lost.db")];
     run(&onto).await.refused(1, &["lost.db: cannot write", "write-ahead log", "another folder"]);
     // An empty file without a log counts as a missing database.
@@ -150,7 +151,8 @@ async fn a_password_is_in_no_message() {
     misplaced.refused(2, &["unrecognized subcommand 'postgres:…'"]);
 }
 
-/// SQLite would overwrite or delete them.
+/// A database with the name of a log of another database is refused, because SQLite would overwrite
+/// or delete it.
 #[tokio::test]
 async fn no_database_has_the_name_of_a_log() {
     let folder = Folder::default();

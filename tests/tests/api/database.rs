@@ -387,8 +387,8 @@ async fn an_enrolment_repeated_after_a_lost_answer_is_one_participant() {
         assert_eq!(again.participant_id, enrolled[0].participant_id);
         assert_eq!(again.plan, enrolled[0].plan);
     }
-    // The tokens of all responses are valid, because any of the responses may be the one that
-    // arrives.
+    // The tokens of all responses are valid, because any of the responses can be the one that the
+    // client receives.
     let driver = Driver { enrolled: enrolled[7].clone() };
     let (trial_id, scene) = driver.scenes()[0].clone();
     assert_eq!(driver.send(&server, &trial_id, &driven(&scene)).await.status, 201);

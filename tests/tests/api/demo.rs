@@ -14,7 +14,7 @@ use std::time::Duration;
 /// Timeout for filling the study, long enough for any machine.
 const PATIENCE: Duration = Duration::from_secs(600);
 
-/// Starts a server with the demonstration and waits until it is filled. Its analysis may still be
+/// Starts a server with the demonstration and waits until it is filled. Its analysis might still be
 /// running.
 async fn filled() -> Server {
     let server = Server::with_study_and("", |args| {

@@ -62,8 +62,8 @@ async fn trials_of_odd_computers_are_stored_and_flagged() {
         said.code == Some(0)
     };
     assert!(checked(&server.database()).await);
-    // A trial of an earlier version may lack flags that were added later, and is valid. A trial
-    // with wrong flags is damaged.
+    // A trial of an earlier version can lack flags that were added later, and is valid
+    // nevertheless. A trial with wrong flags is damaged.
     let change = async |flags: &str| {
         let change =
             format!("UPDATE trial SET flags = '{flags}' WHERE trial_id = '{}'", scenes[0].0);

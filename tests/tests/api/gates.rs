@@ -282,7 +282,8 @@ async fn metrics_are_for_this_machine_and_for_keys() {
     let metrics = metrics.text().await.unwrap();
     let line = "sidestep_http_request_seconds_count{method=\"(other)\",route=\"/start\"} 3";
     assert!(metrics.contains(line) && !metrics.contains("BREW"), "{metrics}");
-    // A request with this header may come through a proxy that is not configured as trusted.
+    // A request with this header is refused, because it might come from outside through a proxy
+    // that is not configured as trusted.
     let through = direct.request(Method::GET, "/metrics").header("x-forwarded-for", "127.0.0.1");
     Answer::of(through).await.problem(401, "unauthorized", None);
 }
@@ -310,7 +311,7 @@ async fn a_key_that_was_chosen_and_its_hash() {
     for i in 0..20 {
         sign_in(&server, &format!("a guess with number {i}")).await;
     }
-    // The rate limit may have recovered one attempt by now, and the status is then 401.
+    // The rate limiter might permit one more attempt by now, which gets status 401.
     let status = sign_in(&server, hash).await.status().as_u16();
     assert!([401, 429].contains(&status), "the hash opens nothing, found {status}");
     let right = sign_in(&server, KEY).await;

@@ -105,7 +105,8 @@ async fn a_key_that_only_reads_sees_no_external_id_and_no_code() {
     }
 }
 
-/// A request that is in progress when its key is revoked changes nothing after the revocation.
+/// If the key of a request is revoked while the request is in progress, the request changes nothing
+/// after the revocation.
 #[tokio::test]
 async fn nothing_outruns_a_revocation() {
     let server = Server::with_study(SHORT_STUDY).await;

@@ -222,7 +222,7 @@ async fn a_key_from_the_environment_is_the_only_one() {
     assert_eq!(Answer::of(with_made).await.status, 401);
 }
 
-/// Trials are ordered by participant and then by the plan. Test runs are separate.
+/// Trials are ordered by participant and then by the plan. Pilots have their own order.
 #[tokio::test]
 async fn a_trial_knows_the_trials_before_and_after_it() {
     let server = Server::with_study(SHORT_STUDY).await;

@@ -321,7 +321,7 @@ async fn real_answers_are_as_the_document_says() {
     let asked = asked.into::<AnalysisSummary>(201).id;
     let analysis = [("id", asked.as_str())];
     let path = "/api/v1/admin/analyses/{id}";
-    // Cancel at once, because the analysis of a small study is fast.
+    // Cancel immediately, because the analysis of a small study is fast.
     it.admin(POST, &format!("{path}/cancel"), &analysis, None).await;
     it.admin(GET, path, &analysis, None).await;
     let models = format!("{path}/predictors");

@@ -163,7 +163,8 @@ async fn trials_that_wait_in_a_browser_are_shown_until_they_are_sent() {
     assert_eq!(send(first, "?waiting=3").await.status, 201);
     assert_eq!(waiting().await, 3);
     assert_eq!(people(&server, "having=waiting").await.total, 1);
-    // The response was lost, and meanwhile another trial has joined the waiting trials.
+    // The response was lost, so the browser sends the trial again. Meanwhile, one more trial waits
+    // in the browser.
     assert_eq!(send(first, "?waiting=4").await.status, 200);
     assert_eq!(waiting().await, 4);
     assert_eq!(send(second, "").await.status, 201);

@@ -405,7 +405,7 @@ async fn plot_draws_the_picture_of_a_replay() {
     wrong.problem(422, "invalid", Some("features"));
     let both = format!("{route}?analysis=a&file=b&features=hrd");
     server.admin(&both).await.problem(422, "invalid", Some("features"));
-    // From the exported file, the command draws the same picture except for the heading.
+    // From the exported file, the command draws the same picture except for its title.
     let steps = folder.file("steps.csv", server.export("default").await);
     let number = trial.summary.index + 1;
     let args = ["plot", "--kind", "replay", "--trials", &steps, "--participant", "1", "--trial"];

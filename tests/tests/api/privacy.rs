@@ -51,7 +51,7 @@ struct Seen {
 impl Seen {
     fn watch(&mut self, folder: &Path) {
         let flags = WatchFlags::CREATE | WatchFlags::MOVED_TO | WatchFlags::ATTRIB;
-        // The folder may have been deleted already.
+        // The folder might have been deleted already.
         let Ok(watch) = add_watch(&self.notify, folder, flags) else { return };
         self.folders.insert(watch, folder.to_owned());
         // Entries that were created before the watch.

@@ -59,7 +59,7 @@ async fn a_participant_is_shown_whole() {
     let letters = trial.inputs.iter().map(|input| ['L', 'S', 'R'][(1 - input.sign()) as usize]);
     assert_eq!(String::from(picture.inputs.clone()), letters.collect::<String>());
 
-    // A test run can also be viewed and replayed.
+    // A pilot can also be viewed and replayed.
     let pilot = json!({ "consent": true, "pilot": true });
     let pilot = Driver { enrolled: Driver::ask(&server, pilot).await.into(201) };
     pilot.drive(&server, 1).await;
@@ -127,7 +127,7 @@ async fn excluded_participants_stay_and_no_analysis_uses_them() {
     let before = done(&server, &ask(&server, json!({})).await.id).await;
     assert_eq!(before.summary.result.as_ref().unwrap().participants, 3);
     assert!(!before.summary.stale);
-    // A test run is not part of the data.
+    // A pilot is not part of the data.
     let pilot = json!({ "consent": true, "pilot": true });
     let pilot = Driver { enrolled: Driver::ask(&server, pilot).await.into(201) };
     pilot.drive(&server, 1).await;

@@ -50,7 +50,7 @@ async fn behind(kind: Kind) {
     assert_eq!(stored, 5 * PEOPLE as i64);
 
     // Without any server, the page gets a response that it understands, which says when to retry.
-    // HAProxy may still have connections that the server has just closed. In this case, it closes
+    // HAProxy might still have connections that the server has just closed. In this case, it closes
     // the client's connection without a response, and the client retries as browsers do (RFC 9112,
     // 9.3.1).
     second.kill().await;

@@ -54,8 +54,9 @@ async fn of_fifty_at_once_ten_get_the_ten_places() {
     let places: Vec<i64> = db.rows(query, |row| row.get(0)).await.unwrap();
     assert_eq!(places, (0..10).collect::<Vec<_>>());
 
-    // Pilots do not count towards the quota. Participants who leave free their places. Participants
-    // who stay away also free their places, but may still finish.
+    // Pilots do not count towards the quota. If participants withdraw, their places become free. If
+    // participants stay away, their places also become free, but these participants can still
+    // finish.
     assert_eq!(Driver::ask(&server, json!({ "consent": true, "pilot": true })).await.status, 201);
     let begun: Vec<_> = answers.into_iter().filter(|answer| answer.status == 201).collect();
     let begun: Vec<Driver> =
@@ -418,7 +419,7 @@ async fn pilots_are_kept_apart_and_can_be_deleted() {
     let export = server.export("default").await;
     assert_eq!(export.lines().count(), 51);
     assert!(export.lines().nth(1).unwrap().starts_with("1,0,0,"));
-    // The data of pilots are exported only on request, and then without other data.
+    // By default, an export contains no data of pilots. With `--pilots`, it contains nothing else.
     let (folder, database) = (Folder::default(), server.database());
     let args = ["export", "--database", &database, "--out", &folder.name("data")];
     for (more, rows) in [(&[][..], [50, 1, 1]), (&["--pilots"], [100, 2, 2])] {

@@ -25,7 +25,8 @@ async fn who_knows_the_external_id_goes_on_and_sees_and_deletes_nothing() {
     }
     let me: Progress = other.me(&server).await.into(200);
     assert!(!me.may_withdraw && me.stored.len() == 2);
-    // Both may store trials. The owner finishes, and only the owner sees the code.
+    // The owner and the other client can store trials. The owner finishes, and only the owner sees
+    // the code.
     let scenes = owner.scenes();
     let send = async |driver: &Driver, i: usize| {
         driver.send(&server, &scenes[i].0, &driven(&scenes[i].1)).await.status
@@ -76,8 +77,8 @@ async fn who_knows_the_external_id_ends_and_replaces_nothing() {
         let stored = driver.put(&server, routes::COMPREHENSION, &body).await;
         stored.into::<ComprehensionStored>(200).screened_out
     };
-    // One call counts as one attempt, even if it states more attempts. It uses none of the owner's
-    // attempts, and can end only the caller's participation.
+    // A call counts as one attempt, even if it states more attempts. An attempt by the other client
+    // does not count as the owner's, and can end the participation only for the other client.
     assert!(!check(&other, 1_000, false).await);
     let attempts = async |driver: &Driver| {
         let me: Progress = driver.me(&server).await.into(200);
@@ -138,7 +139,7 @@ async fn deletion_leaves_a_number_and_nothing_in_the_file() {
     };
     assert_eq!(asked(row).await, "[1,1,1,1,null,null,null,null,null,null,null,null,null]");
     assert_eq!(asked(tokens).await, "[0]");
-    // The external id is now unknown, so the same person may begin again.
+    // The external id is now unknown, so the same person can begin again.
     enrolled(&server, "mine", 201).await;
 }
 

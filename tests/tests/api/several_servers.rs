@@ -1,5 +1,5 @@
-//! Several servers on one PostgreSQL database. On SQLite these tests are skipped, because a second
-//! server is refused there (`trouble::one_server_a_database`).
+//! Several servers on one PostgreSQL database. These tests are skipped on SQLite, because a SQLite
+//! database accepts only one server (`trouble::one_server_a_database`).
 
 use futures_util::future::join_all;
 use rcgen::{CertificateParams, KeyPair};
@@ -45,7 +45,7 @@ async fn servers_on_one_database_are_as_one() {
     let places: Vec<i64> = behind(&one.database()).rows(places, |row| row.get(0)).await.unwrap();
     assert_eq!(places, (0..21).collect::<Vec<_>>());
 
-    // When one of them stops, the other continues.
+    // When one server stops, the other server continues.
     one.stop().await;
     let late = Driver::enrol(&two).await;
     late.drive(&two, 5).await;
@@ -57,7 +57,8 @@ async fn servers_on_one_database_are_as_one() {
 async fn an_analysis_is_computed_by_one_server_and_taken_over_from_a_lost_one() {
     let [one, two] = two().await;
     Driver::enrol(&one).await.drive(&one, 5).await;
-    // Let one analysis end. Then change its row as if a server had started it and died.
+    // Wait until one analysis has ended. Then change its row as if a server had started it and
+    // died.
     let asked = one.request(Method::POST, &routes::admin_analyses("default"));
     let asked = asked.bearer_auth(&one.key).json(&serde_json::json!({}));
     let asked: AnalysisSummary = Answer::of(asked).await.into(201);
@@ -202,10 +203,11 @@ async fn a_standby_takes_over_and_has_everything() {
     }
     assert_eq!(new.number("SELECT count(*) FROM trial").await, 4);
     assert_eq!(Database::Postgres(primary.url(name)).number("SELECT count(*) FROM trial").await, 2);
-    // A newly started server also chooses the new primary.
+    // After a restart, the server still uses the new primary, not the old one.
     let server = server.restarted().await;
     assert_eq!(driver.me(&server).await.into::<Progress>(200).stored.len(), 4);
-    // If the new primary is down, the server refuses the old one, and clients get the reason.
+    // If the new primary is down, the server refuses to use the old primary, and clients get the
+    // reason.
     let mut standby = standby;
     standby.stop(Stop::Kill);
     let ready = server.get("/readyz").await;

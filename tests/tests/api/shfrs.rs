@@ -216,7 +216,7 @@ async fn an_analysis_that_is_interrupted_leaves_nothing() {
     let folder = Folder::default();
     let (trials, out) = (data("trials.csv"), folder.name("out"));
     for signal in ["INT", "TERM"] {
-        // This takes many seconds.
+        // This tuning takes many seconds.
         let tuning = ["--guarantee", "conformal,pac,fixed-sequence", "--probability"];
         let levels = ["0.7,0.75,0.8,0.85,0.9,0.95", "--trials", &trials, "--out", &out];
         let args = [&["shfrs"], &tuning[..], &levels].concat();

@@ -248,7 +248,8 @@ async fn games_and_grids_that_are_none() {
         refuses(&[&["solve", "--out", &out], args].concat(), words).await;
         assert!(folder.names().is_empty(), "{args:?}");
     }
-    // Grids that are too large are refused at once, with the memory that they would need.
+    // Grids that are too large are refused immediately. The message states the memory that they
+    // would need.
     for grid in ["4000,4000,4000", "18446744073709551615,18446744073709551615,9"] {
         for method in ["cartesian", "exact"] {
             let args = ["--grid", grid, "--domain", "-9,9,-9,9", "--method", method];
@@ -380,7 +381,7 @@ async fn a_solve_that_is_interrupted_leaves_nothing() {
     let folder = Folder::default();
     let out = folder.name("v.npz");
     for signal in ["INT", "TERM"] {
-        // This takes minutes.
+        // This solve takes minutes.
         let grid = ["solve", "--grid", "301,301,200", "--domain", "-20,20,-20,20"];
         let args = [&grid[..], &["--threads", "1", "--out", &out]].concat();
         let said: Said = interrupted(&args, signal, || true).await.into();

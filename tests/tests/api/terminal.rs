@@ -66,7 +66,7 @@ fn a_key_is_asked_for_twice_and_not_shown() {
     assert!(shown.contains("expected the same key twice, found two keys"), "{shown}");
     assert!(!shown.contains("$argon2id$") && !shown.contains("another key that"), "{shown}");
 
-    // A key that is too short is rejected at once, so it need not be typed twice.
+    // A key that is too short is rejected immediately. The user is not asked to type it again.
     let mut terminal = Terminal::run(&hash_key);
     terminal.answer(FIRST, "short\n");
     let (code, shown) = terminal.end();

@@ -48,7 +48,7 @@ async fn a_deleted_database_acknowledges_nothing() {
         let told = told.problem(503, "not_ready", None);
         assert_eq!(told, "no trial can be stored now; the server's log says why");
     }
-    // The server does not write to another file in its place either.
+    // If another file appears at the same path, the server does not write to it.
     std::fs::write(&file, b"").unwrap();
     driver.send(&server, &trial_id, &trial).await.problem(503, "storage", None);
     assert_eq!(std::fs::metadata(&file).unwrap().len(), 0);
@@ -142,7 +142,7 @@ async fn one_server_a_database() {
     let database = server.database();
     let second = ["serve", "--listen", "127.0.0.1:0", "--static", &site, "--database", &database];
     run(&second).await.refused(1, &["another 'sidestep serve' uses this database"]);
-    // Commands can run at the same time.
+    // Commands can use the database while the server runs.
     run(&["check", "--database", &database]).await.json();
     assert_eq!(Driver::enrol(&server).await.scenes().len(), 5);
 }

@@ -116,7 +116,7 @@ async fn a_reload_in_a_scene_is_counted_and_the_scene_driven_again() {
     assert_eq!(trials.len(), 2);
     let flags = &trials[0].summary.flags;
     assert!(flags.contains(&Flag::Interrupted) && flags.contains(&Flag::ShownBefore), "{flags:?}");
-    // A stall of the machine also interrupts a scene, but then its samples are late.
+    // A stall of the machine also interrupts a scene, but the samples of such a scene are late.
     let again = &trials[1].summary.flags;
     let stalled = again.contains(&Flag::LateSample);
     assert!(stalled || !again.contains(&Flag::Interrupted), "{again:?}");

@@ -115,8 +115,8 @@ async fn walk(tab: &Tab, server: &Server, language: &str) {
     tab.picture(&format!("6-countdown-{language}")).await;
     tab.until_step("scene", 8).await;
     tab.key_down("ArrowLeft").await;
-    // This scene would move on during the checks, so only pictures are taken. The next scenes are
-    // checked.
+    // This scene continues during the checks of `take`, so the test only takes pictures of it. The
+    // next scenes are checked.
     for look in LOOKS {
         picture(tab, &format!("7-scene-{language}"), look).await;
     }

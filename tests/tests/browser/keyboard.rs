@@ -40,7 +40,7 @@ async fn use_key(tab: &Tab, test_id: &str, key: &str) {
     tab.key(key).await;
 }
 
-/// Waits for a page whose heading has the focus.
+/// Waits until a page with this element is shown and its title (`h1`) has the focus.
 async fn headed(tab: &Tab, test_id: &str) {
     tab.words(test_id).await;
     tab.until("document.activeElement.tagName === 'H1' && scrollY === 0").await;

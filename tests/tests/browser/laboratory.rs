@@ -48,7 +48,7 @@ async fn wrong_addresses_and_keys_are_answered_in_words() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
     tab.go(&format!("{}/lab#key=not-the-key-at-all", server.origin)).await;
     assert_eq!(tab.words("trouble").await, "That key is not valid.");
-    // After a response, the input and the focus are still there.
+    // After a response, the field still has its input and the focus.
     let key = Tab::at("key");
     tab.run(&format!("{key}.value = 'neither is this'")).await;
     tab.press("sign-in").await;
@@ -87,7 +87,7 @@ async fn the_laboratory_goes_from_page_to_page_without_loading() {
         tab.eval("[...document.querySelectorAll('time')].map(t => t.textContent)").await;
     assert!(times.len() == 2 && times.iter().all(|time| time.len() > 8), "{times:?}");
 
-    // Go to a replay, whose heading gets the focus, and back.
+    // Go to a replay, whose title (`h1`) gets the focus, and back.
     tab.press("replay-link").await;
     until_predicted(&tab).await;
     assert!(tab.eval::<String>(title).await.starts_with("default / participant 1"));
@@ -172,7 +172,7 @@ async fn seek(tab: &Tab, step: usize) {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn unequal_vehicles_have_level_sets_from_either_solver() {
-    // The server must not solve, so the browser does.
+    // The server must not solve the games, so the browser solves them.
     let server = Server::with_client_and(UNEQUAL_STUDY, |args| args.no_solve = true).await;
     let id = drive_unequal(&server).await;
     let replay = format!("/lab/replay/{id}");

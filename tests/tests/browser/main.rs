@@ -78,12 +78,12 @@ async fn sign_in(tab: &Tab, server: &Server) {
     assert!(!address.contains(&server.key), "the key must leave the address");
 }
 
-/// The looks in which every page is checked: the size of the window, and whether the colour scheme
-/// is dark.
+/// The combinations in which every page is checked: the size of the window, and whether the colour
+/// scheme is dark.
 const LOOKS: [((u32, u32), bool); 4] =
     [(WIDE, false), (WIDE, true), (NARROW, false), (NARROW, true)];
 
-/// Takes a screenshot of a page in every look, and checks the page in every look.
+/// Takes a screenshot of a page for each entry of [`LOOKS`], and checks the page each time.
 async fn take(tab: &Tab, name: &str) {
     for look in LOOKS {
         picture(tab, name, look).await;

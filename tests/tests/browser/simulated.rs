@@ -19,7 +19,7 @@ async fn the_whole_protocol_is_rehearsed_in_a_minute() {
     assert_eq!((studies[0].participants, studies[0].trials), (0, 0));
 
     // Every scene was driven with keys, and replays exactly. (At this speed, a millisecond of the
-    // machine is 30 ms of the page, so a key press may fall in another step than intended.)
+    // machine is 30 ms of the page, so a key press can fall in another step than intended.)
     let sent = sent(&tab).await;
     assert!(sent.len() >= 59, "{} trials", sent.len());
     let parameters = SceneParameters::default();

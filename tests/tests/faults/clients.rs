@@ -72,7 +72,7 @@ async fn whoever_is_gone_before_the_answer_finds_the_trial_once() {
         let trial = driven(&scene);
         let whole = request(&server, &driver, &trial_id, &serde_json::to_vec(&trial).unwrap());
         let before = stored(&server, &driver).await;
-        // Many uploads at once, as from an unstable network.
+        // Many uploads of the same trial at the same time, as from an unstable network.
         for _ in 0..20 {
             connect(&server).write_all(&whole).unwrap();
         }

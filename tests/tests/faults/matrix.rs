@@ -1,4 +1,5 @@
-//! Everything that an operator can do to a database file, at any time, followed by every command.
+//! Tests everything that an operator can do to a database file, at any time. After each such fault,
+//! every command runs.
 //!
 //! After each fault, `check` reports only complete, existing databases as sound. Every acknowledged
 //! trial is in the database file, in a file that the operator has moved elsewhere, or in a file
@@ -184,7 +185,7 @@ impl Place {
             Fault::CopyOver | Fault::CopyOverAlone | Fault::CatOver => {
                 let from = if fault == Fault::CatOver { &other } else { &backup };
                 let bytes = std::fs::read(from).unwrap();
-                // Overwrite the file in place, as cp and cat do.
+                // Overwrite the content of the existing file, as cp and cat do.
                 let mut to =
                     std::fs::OpenOptions::new().write(true).truncate(true).open(&file).unwrap();
                 std::io::Write::write_all(&mut to, &bytes).unwrap();
@@ -310,7 +311,8 @@ async fn case(fault: Fault, moment: Moment) -> String {
         }
     }
     if fault == Fault::HideByMode {
-        // Root can read the file anyway, so it becomes readable again before the commands run.
+        // Root can read the file in spite of its mode, so the mode is restored before the commands
+        // run.
         std::fs::set_permissions(place.path("sidestep.db"), std::fs::Permissions::from_mode(0o600))
             .unwrap();
     }
@@ -536,7 +538,8 @@ async fn a_page_that_is_overwritten_in_place_is_noticed() {
     assert!(saved["trials"].as_u64().unwrap() >= 2, "{saved}: {}", said.err);
 }
 
-/// Only the page of the mark determines which database a log belongs to.
+/// The mark tells which database a log belongs to. Sidestep reads the mark only from its own page,
+/// so text that looks like a mark has no effect.
 #[tokio::test]
 async fn what_people_enter_is_no_mark() {
     let folder = Folder::default();

@@ -88,7 +88,7 @@ impl Site {
         Database::Postgres(self.primary.url("postgres")).change(statements).await;
     }
 
-    /// Like [`Self::order`], but also ends the sessions of the servers, because the sessions may
+    /// Like [`Self::order`], but also ends the sessions of the servers, because the sessions can
     /// still use the earlier settings.
     async fn set(&self, statement: &str) {
         self.order(statement).await;

@@ -2,13 +2,13 @@
 
 use std::error::Error;
 
-/// Computes the text to return from the request. `clock` reads seconds.
+/// Computes a text from a request. `clock` returns the time (s).
 type Answer = fn(asked: &str, clock: &dyn Fn() -> f64) -> Result<String, Box<dyn Error>>;
 
-/// Answers the first argument.
+/// Passes the program's first argument to `answer` and prints the result.
 ///
 /// # Errors
-/// Those of `answer`.
+/// The errors of `answer`.
 #[cfg(not(target_arch = "wasm32"))]
 #[allow(clippy::print_stdout, reason = "its answer is what it prints")]
 pub(crate) fn run(answer: Answer) -> Result<(), Box<dyn Error>> {
@@ -18,7 +18,8 @@ pub(crate) fn run(answer: Answer) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Answers the fragment of the page's address. An error becomes the text of the page.
+/// Passes the fragment of the page's address to `answer` and shows the result as the text of the
+/// page. An error is shown in the same way.
 ///
 /// # Errors
 /// None.

@@ -1,9 +1,9 @@
-//! Measures how long the library takes, natively and as WebAssembly: the same work as a program of
-//! this machine and in a page. `cargo xtask bench wasm`, `shfrs` and `playback` run both.
+//! Measures how long the library takes for the same work in a native program and as WebAssembly in
+//! a page. `cargo xtask bench wasm`, `shfrs` and `playback` run both programs.
 //!
-//! The argument selects a group of measurements; the output is a JSON list of `[name, seconds of
-//! one item]`. The fastest sample counts: other work on the machine disturbs it least, and by then
-//! the browser has replaced its slower baseline code.
+//! The argument selects a group of measurements. The output is a JSON list of `[name, seconds of
+//! one item]`. Only the fastest sample counts. Other work on the machine disturbs it least, and by
+//! the time it runs, the browser has replaced its slower baseline code.
 
 #[path = "../answer/mod.rs"]
 mod answer;
@@ -15,20 +15,20 @@ mod value;
 
 use std::error::Error;
 
-/// Samples of each measurement.
+/// Number of samples of each measurement.
 const SAMPLES: usize = 20;
 /// Number of samples of slow work, or of one case among many similar ones.
 const FEW: usize = 4;
-/// Shortest duration of a sample, s: a browser's clock has steps of 0.1 ms.
+/// Shortest duration of a sample (s). A browser's clock has a resolution of only 0.1 ms.
 const SAMPLE_S: f64 = 0.02;
-/// Above this duration, s, few samples are enough.
+/// After this time (s), a measurement ends if it has at least [`FEW`] samples.
 const LONG_S: f64 = 3.0;
 
 fn main() -> Result<(), Box<dyn Error>> {
     answer::run(measured)
 }
 
-/// Measures a group with `clock`, s.
+/// Measures a group. `clock` returns the time (s).
 fn measured(group: &str, clock: &dyn Fn() -> f64) -> Result<String, Box<dyn Error>> {
     let mut figures = Figures { clock, seconds: Vec::new() };
     match group {
@@ -45,7 +45,7 @@ fn measured(group: &str, clock: &dyn Fn() -> f64) -> Result<String, Box<dyn Erro
 /// Measurements so far.
 struct Figures<'a> {
     clock: &'a dyn Fn() -> f64,
-    /// Names, and seconds of one item.
+    /// The name and the time per item (s) of each measurement.
     seconds: Vec<(String, f64)>,
 }
 
@@ -56,7 +56,7 @@ impl Figures<'_> {
         self.seconds.push((name.to_owned(), seconds));
     }
 
-    /// The duration of the fastest of `samples` samples of `work`, s per item.
+    /// The time per item (s) in the fastest of at most `samples` samples of `work`.
     fn fastest(&self, samples: usize, items: usize, mut work: impl FnMut()) -> f64 {
         let (mut least, begun) = (f64::INFINITY, (self.clock)());
         for sample in 0..samples {

@@ -1,7 +1,7 @@
-//! Frames of a replay: prediction and the picture of every layer, without the browser's painting of
-//! the canvas.
+//! Measures frames of a replay: the prediction and the picture of every layer, without the
+//! browser's painting of the canvas.
 //!
-//! Uses the people of `tests/data/trials.csv` and a predictor trained on them.
+//! Uses the participants in `tests/data/trials.csv` and a predictor trained on them.
 
 use super::{FEW, Figures};
 use crate::recorded;
@@ -16,7 +16,7 @@ use std::hint::black_box;
 
 /// Number of drives to play.
 const DRIVES: usize = 3;
-/// Instants of each drive, evenly spaced.
+/// Number of evenly spaced moments in each drive.
 const MOMENTS: u32 = 12;
 /// Time between two frames, s.
 const FRAME_S: f64 = 1.0 / 60.0;
@@ -43,7 +43,7 @@ pub(crate) fn measure(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
     let views = [("usual layers", View::default()), ("all layers", all()), ("hatched", hatched)];
     let mut picture = Picture::default();
     for (name, mut view) in views {
-        // A frame and the next one, whose headings differ if a vehicle turns.
+        // Draws two consecutive frames. Their headings differ if a vehicle turns.
         let mut frames = |playback: &mut Playback, moment: u32| {
             let begin_s = playback.duration_s() * f64::from(moment) / f64::from(MOMENTS);
             for frame in 0..2 {

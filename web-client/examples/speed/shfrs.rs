@@ -1,6 +1,7 @@
-//! Predicted sets: polygons, membership, Algorithm 1, a frame of the replay, coverage, tuning.
+//! Measures predicted sets: polygons, membership, Algorithm 1, a frame of the replay, coverage and
+//! tuning.
 //!
-//! Uses the people of `tests/data/trials.csv` and a predictor trained on them.
+//! Uses the participants in `tests/data/trials.csv` and a predictor trained on them.
 
 use super::{FEW, Figures};
 use crate::recorded;
@@ -26,9 +27,9 @@ use std::hint::black_box;
 const RATE_RADPS: f64 = 0.5;
 const SPEED_MPS: f64 = 2.0;
 const STEP_S: f64 = 0.2;
-/// Steps ahead, T.
+/// Number of steps ahead, T.
 const STEPS: usize = 10;
-/// The paper's widths, rad/s, of the five sets.
+/// The paper's widenings ε of the five sets (rad/s).
 const EPSILON: [f64; 5] = [0.0, 0.15, 0.25, 0.4, 1.0];
 /// Number of predictions whose polygons are drawn.
 const PREDICTIONS: usize = 20;
@@ -38,12 +39,12 @@ const STATES: usize = 256;
 const NEAR_M: f64 = 2e-3;
 /// Distance of an outside state from the end of a drive, m.
 const AWAY_M: f64 = 0.5;
-/// Steps between two prediction times of a drive.
+/// Number of steps between two prediction times of a drive.
 const EVERY: usize = 7;
 /// Number of drives to predict from.
 const DRIVES: usize = 10;
 
-/// Lowest and highest rate, rad/s, of each step.
+/// Lowest and highest turn rate of each step (rad/s).
 type Rates = Vec<(f64, f64)>;
 
 pub(crate) fn measure(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
@@ -71,13 +72,13 @@ pub(crate) fn evaluate(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> 
     tuning(figures, &sample, &parameters, &human)
 }
 
-/// Random widths that always include straight driving.
+/// Random bounds that always include straight driving.
 fn straight_inside(rng: &mut SeededRng) -> Rates {
     (0..STEPS).map(|_| (-RATE_RADPS * rng.unit(), RATE_RADPS * rng.unit())).collect()
 }
 
-/// Bounds as Algorithm 1 gives them with k = 2, 2, 1, 1 …: from the third step on, a single likely
-/// turn that changes from step to step, which is harder than human behaviour.
+/// Bounds as Algorithm 1 gives them with k = 2, 2, 1, 1 …. From the third step on, there is only
+/// one likely input. It changes from step to step, which is a harder case than human behaviour.
 fn in_general(rng: &mut SeededRng) -> Rates {
     let bounds = |i: usize| {
         let turn = [-RATE_RADPS, 0.0, RATE_RADPS][rng.below(3)];
@@ -93,8 +94,9 @@ fn widened(raw: &[(f64, f64)], epsilon: f64) -> Result<InputBounds, Invalid> {
     InputBounds::new(lo, hi, (-RATE_RADPS, RATE_RADPS))
 }
 
-/// Five nested sets of ten steps each, at 2 mm: chords then deviate from the curves by at most 1
-/// mm, less than a pixel. Takes the mean over a fixed mix of predictions.
+/// Measures the polygons of five nested sets of ten steps each, with an accuracy of 2 mm. With this
+/// accuracy, chords deviate from the curves by at most 1 mm, which is less than a pixel. The result
+/// is the mean over a fixed mix of predictions.
 fn polygons(
     figures: &mut Figures<'_>,
     name: &str,
@@ -133,8 +135,9 @@ fn polygons(
     Ok(())
 }
 
-/// Name, and the rates of the steps up to the third, up to the fifth, and later. The last three are
-/// typical results of Algorithm 1: three inputs, two, then one, widened.
+/// For each case: its name, and the turn rates of the first three steps, of the next two steps, and
+/// of the later steps. The last three cases are typical results of Algorithm 1 with first three,
+/// then two, then one likely input, widened by 0, 0.15 and 0.4 rad/s.
 const BOUNDS: [(&str, [(f64, f64); 3]); 6] = [
     ("both ways", [(-0.5, 0.5), (-0.5, 0.5), (-0.3, 0.4)]),
     ("left", [(0.1, 0.5), (0.1, 0.5), (0.3, 0.5)]),
@@ -144,7 +147,8 @@ const BOUNDS: [(&str, [(f64, f64); 3]); 6] = [
     ("0.4 wider", [(-0.5, 0.5), (-0.5, 0.4), (-0.5, -0.1)]),
 ];
 
-/// Whether a full state is reached after ten steps: the slowest of the bounds.
+/// Measures the test whether a full state is reached after ten steps. For states inside, near the
+/// boundary and outside, it records the slowest case of [`BOUNDS`].
 fn membership(figures: &mut Figures<'_>) -> Result<(), Invalid> {
     let start = Pose::new(1.0, 2.0, 0.7);
     let mut slowest: [(f64, &str); 3] = [(0.0, ""); 3];
@@ -172,7 +176,7 @@ fn membership(figures: &mut Figures<'_>) -> Result<(), Invalid> {
                 }))
             })
             .collect();
-        // Turns fully to one side up to some step, then to the other.
+        // Turns at one limit of the rates up to some step, then at the other limit.
         let extreme = (0..STATES).map(|i| {
             let (first, jump) = (i % 2 == 0, (i / 2) % (STEPS + 1));
             drive(Box::new(|step| if (step < jump) == first { of(step).0 } else { of(step).1 }))
@@ -209,7 +213,7 @@ fn moments(drives: &[Trajectory]) -> Vec<&[JointState]> {
     drives.flat_map(|drive| of(drive).map(|upto| &drive.states()[..upto])).collect()
 }
 
-/// Algorithm 1 with the learned predictor.
+/// Measures Algorithm 1 with the learned predictor.
 fn bounds(
     figures: &mut Figures<'_>,
     moments: &[&[JointState]],
@@ -240,7 +244,7 @@ fn bounds(
     Ok(())
 }
 
-/// Prediction, bounds, sets and polygons of a frame, as the replay draws it.
+/// Measures the prediction, bounds, sets and polygons of a frame, as the replay draws it.
 fn overlay(
     figures: &mut Figures<'_>,
     moments: &[&[JointState]],
@@ -270,8 +274,9 @@ fn overlay(
     Ok(())
 }
 
-/// The sets of every window of 400 trajectories, as the explorer counts them: once from scratch,
-/// and once after a slider moves, with the cache filled before the move.
+/// Measures how long it takes to count the sets of every window of 400 trajectories, as the
+/// explorer does: first without a cache, then after moves of a slider, with a cache that was filled
+/// before the move.
 fn coverage(
     figures: &mut Figures<'_>,
     sample: &Sample,
@@ -302,7 +307,7 @@ fn coverage(
         }
     });
     figures.seconds.push(("coverage, 400 drives, directly".to_owned(), seconds));
-    // No two moves in a row lead to the same settings.
+    // Two consecutive moves never lead to the same settings.
     let mut moved = |name: &str, next: &dyn Fn(usize) -> Result<BoundsSettings, Invalid>| {
         let mut moves = 0..;
         count(&mut memory, usual.clone());
@@ -318,8 +323,8 @@ fn coverage(
     Ok(())
 }
 
-/// Tunes the choice of actions and ε_1 on 400 trajectories in three parts, with one random window
-/// from each.
+/// Measures the tuning of the choice of actions and of ε_1 on 400 trajectories in three parts. It
+/// uses one random window of each trajectory.
 fn tuning(
     figures: &mut Figures<'_>,
     sample: &Sample,

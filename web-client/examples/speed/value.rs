@@ -1,4 +1,4 @@
-//! The value function: a solve, curves and values.
+//! Measures the value function: a solve, curves and values.
 
 use super::Figures;
 use sidestep::math::{SeededRng, TAU};
@@ -11,9 +11,9 @@ use std::error::Error;
 use std::hint::black_box;
 use std::ops::ControlFlow;
 
-/// Headings at which a curve is drawn.
+/// Number of headings at which a curve is drawn.
 const CURVES: usize = 24;
-/// States at which functions are evaluated.
+/// Number of states at which functions are evaluated.
 const STATES: usize = 4096;
 
 /// The paper's vehicles.
@@ -22,7 +22,7 @@ fn paper() -> PursuitGame {
     PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 3.0 }
 }
 
-/// The same evader against another pursuer: there is no closed form.
+/// The paper's evader against another pursuer. This game has no closed form.
 fn against(speed_mps: f64, turn_rate_radps: f64) -> PursuitGame {
     PursuitGame { pursuer: VehicleModel { speed_mps, turn_rate_radps }, ..paper() }
 }
@@ -53,7 +53,7 @@ pub(crate) fn solve(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Measures the operations that pages use a value function for.
+/// Measures the operations for which pages use a value function.
 pub(crate) fn measure(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
     let solved = solved(paper(), &polar())?;
     let exact = ExactValue::new(2.0, 0.5, 3.0)?;

@@ -78,7 +78,7 @@ impl Clock {
         (duration_ms / self.speed).max(0.0).ceil() as i32
     }
 
-    /// Sets when something is next due. An accelerated clock stops there.
+    /// Sets the time at which something is next due. An accelerated clock stops at that time.
     pub(super) fn stop_at(&self, due_ms: Option<f64>) {
         if self.is_hurried() {
             let browser_ms = self.performance.as_ref().map_or(0.0, Performance::now);

@@ -76,8 +76,8 @@ impl Drop for Evaluator {
     }
 }
 
-/// Approximate duration of a piece of work (ms). The page gets an estimate this often, and a new
-/// question waits at most this long.
+/// Approximate duration of a piece of work (ms). The page gets an estimate after each piece, and a
+/// new question waits at most this long.
 const PIECE_MS: f64 = 16.0;
 
 /// The worker's side.

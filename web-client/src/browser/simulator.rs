@@ -52,8 +52,8 @@ async fn begin(window: &Window) -> Result<(), JsValue> {
     let root = user.borrow().document.get_element_by_id("app").ok_or("no page")?;
     observer.observe_with_options(&root, &what)?;
     let look = Closure::<dyn FnMut()>::new(move || {
-        // Perform the action after the borrow of `user`, because it may trigger the observer at
-        // once, which also borrows `user`.
+        // Perform the action only after the borrow of `user` has ended, because the action can
+        // immediately trigger the observer, which also borrows `user`.
         let act = user.borrow().next_act();
         act.perform();
     });

@@ -60,9 +60,9 @@ void main() {
 }";
 
 impl Painter {
-    /// Draws a solid. Returns `None` if the browser cannot draw it. Returns the time of a frame
-    /// (ms) only when it draws a mesh for the first time. Calls `tell(false)` when the context is
-    /// lost and `tell(true)` when it is restored.
+    /// Draws a solid. Returns `None` if the browser cannot draw it. Returns `Some(Some(ms))` with
+    /// the time of a frame when it draws a mesh for the first time, and otherwise `Some(None)`.
+    /// Calls `tell(false)` when the context is lost and `tell(true)` when it is restored.
     pub(super) fn draw<M>(
         &mut self,
         document: &Document,

@@ -39,8 +39,8 @@ pub const LEAST_TARGET: f64 = TARGETS[0];
 /// One random window per task, drawn as in the `sidestep` command.
 pub(super) const WINDOWS: WindowChoice = WindowChoice::RandomOne { seed: Split::USUAL.seed };
 
-/// Cached results for the baselines, in order, and the parts and the number of future steps for
-/// which they are valid.
+/// Cached results for the baselines, in order. `of` contains the parts and the number of future
+/// steps for which the results are valid.
 #[derive(Default)]
 pub(super) struct Known {
     of: Option<(Parts, usize)>,

@@ -28,7 +28,7 @@ impl Asked for Question {
     }
 }
 
-/// Windows from every step, as in replays.
+/// A window begins at every step, as in replays.
 const WINDOWS: WindowChoice = WindowChoice::EveryStep;
 
 /// A question in progress.

@@ -27,7 +27,7 @@ pub(super) struct Coverage {
     regions: Option<Regions>,
     /// Whether the counts are for the previous question.
     is_old: bool,
-    /// Why nothing can be counted.
+    /// The reason why nothing can be counted.
     pub(super) trouble: Option<String>,
 }
 

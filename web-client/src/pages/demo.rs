@@ -47,7 +47,7 @@ pub enum Msg {
     Drive(Driver),
     /// The key with this code went down or up.
     Key(String, bool),
-    /// The window lost the keyboard. The flag says whether the page is hidden.
+    /// The window lost the keyboard focus. The flag says whether the page is hidden.
     FocusLost(bool),
     /// Shows or hides the layer at this index in [`LAYERS`].
     Layer(usize),
@@ -394,7 +394,7 @@ impl Demo {
         self.show()
     }
 
-    /// Ends the scene: computes its points, and lets the model learn from it.
+    /// Ends the scene: computes its points, and trains the model on it.
     fn over(&mut self, now_ms: f64) -> Result<(), Invalid> {
         if let Stage::Driving(driving) = &mut self.stage
             && driving.tick(now_ms)

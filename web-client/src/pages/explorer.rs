@@ -58,7 +58,7 @@ pub enum Msg {
     SolveAgain,
     /// Use another predictor.
     Choose(FieldValue),
-    /// Use other features for the predictor trained here.
+    /// Use other features for the predictor that this page trains.
     Features(FieldValue),
     /// The server sent the predictor.
     Predictor(Answer),
@@ -207,7 +207,7 @@ pub struct Explorer {
     task: usize,
     sources: Sources<Msg>,
     choice: Choice,
-    /// The settings that the controls show. They may be invalid.
+    /// The settings that the controls show. They can be invalid.
     wanted: ShfrsFile,
     /// What is wrong with these settings or with the last input, if anything.
     complaint: Option<Invalid>,
@@ -217,7 +217,7 @@ pub struct Explorer {
     playback: Playback,
     view: View,
     picture: Picture,
-    /// Why no sets are predicted.
+    /// The reason why no sets are predicted.
     trouble: Option<String>,
     /// Error message about the link.
     misread: Option<String>,
@@ -431,8 +431,8 @@ impl Explorer {
         }
     }
 
-    /// Switches to another task. If the predictor is trained on the tasks before the current one,
-    /// it changes as well.
+    /// Switches to another task. A predictor that is trained on the tasks before the current one
+    /// changes as well.
     fn go_to(&mut self, task: usize) -> Commands<Msg> {
         if task == self.task {
             return Vec::new();

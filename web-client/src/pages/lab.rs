@@ -50,7 +50,7 @@ pub struct Lab<P> {
     window_px: f64,
     /// Number of pages opened so far. Messages for a page that the user has left are dropped.
     visits: u32,
-    /// Why signing in or out failed.
+    /// The reason why signing in or out failed.
     trouble: Option<String>,
     program: PhantomData<P>,
 }
@@ -108,7 +108,8 @@ impl<P: Program> Lab<P> {
         (lab, commands)
     }
 
-    /// Whether the page may be shown, because it is open to all or the user is signed in.
+    /// Whether the user is allowed to see the page, because it is open to all or the user is signed
+    /// in.
     fn is_seen(&self) -> bool {
         self.session.signed_in || self.is_open_to_all()
     }
@@ -118,8 +119,8 @@ impl<P: Program> Lab<P> {
         self.address.path.trim_end_matches('/') == OPEN_TO_ALL
     }
 
-    /// Signs in with the key in the address, if there is one. The key is removed from the address
-    /// at once, so that it is not in the history or in screenshots.
+    /// Signs in with the key in the address, if there is one. The key is immediately removed from
+    /// the address, so that it is not in the history or in screenshots.
     fn key_of_address(&mut self) -> Option<Commands<Msg>> {
         let key = self.address.fragment.strip_prefix("key=")?.to_owned();
         self.address.fragment.clear();

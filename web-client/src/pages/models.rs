@@ -145,7 +145,7 @@ pub(super) fn option<M>(value: String, is_chosen: bool, words: String) -> Node<M
     el("option").attr("value", value).attr_if(is_chosen, "selected", "").text(words)
 }
 
-/// A group of options with this heading.
+/// A group of options with this label.
 pub(super) fn group<M>(words: String) -> Node<M> {
     el("optgroup").attr("label", words)
 }

@@ -50,7 +50,7 @@ pub(super) fn fit(view: &mut View, steps: usize) -> Option<String> {
     })
 }
 
-/// A button that is on or off.
+/// A toggle button, which is on or off.
 pub(super) fn switch<M>(test_id: &str, is_on: bool, message: M) -> Node<M> {
     button(test_id, message).class("switch").attr("aria-pressed", is_on)
 }

@@ -72,7 +72,7 @@ pub struct Participant {
     renews: Option<AfterWrong>,
     /// The key of a sentence about the last scene or about the last answers.
     hint: Option<&'static str>,
-    /// Why this browser could not store a record.
+    /// The reason why this browser could not store a record.
     not_kept: Option<NotKept>,
     /// The id of the trial that the server refused last, so that the participant repeats it.
     refused: Option<String>,
@@ -148,7 +148,7 @@ pub enum Msg {
     Withdrawn(Answer),
     /// Reload the page and continue in this tab.
     Here,
-    /// Forget the current test participant, and begin a new test run.
+    /// Forget the current pilot's session, and begin a new pilot.
     Afresh,
 }
 
@@ -197,7 +197,7 @@ impl Participant {
         self.kept_text(name).and_then(|text| json::read(text.as_bytes()))
     }
 
-    /// Returns the same record as text.
+    /// Returns the text that was stored under a name when the page opened.
     fn kept_text(&self, name: &str) -> Option<String> {
         let kept = self.context.kept.iter().find(|(known, _)| known == name);
         kept.map(|(_, text)| text.clone())

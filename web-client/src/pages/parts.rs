@@ -20,7 +20,7 @@ pub(super) fn stuck<M>(title: &str, why: &str) -> Node<M> {
         .child(el("p").child(el("a").attr("href", "/lab").text("All studies")))
 }
 
-/// The heading of a page, which takes the focus when the page opens.
+/// The title of a page, which takes the focus when the page opens.
 pub(super) fn heading<M>(words: &str) -> Node<M> {
     el("h1").attr("tabindex", -1).focus().text(words)
 }
@@ -58,7 +58,7 @@ pub(super) fn synthetic<M>(is_so: bool) -> Option<Node<M>> {
     is_so.then(|| el("p").class("synthetic").test_id("marked-synthetic").text(words))
 }
 
-/// A table with these column headings.
+/// A table with these column headers.
 pub(super) fn table<M>(
     columns: impl IntoIterator<Item = impl Into<String>>,
     rows: impl IntoIterator<Item = Node<M>>,

@@ -31,7 +31,7 @@ pub struct Reachability {
     /// The value function of `view`, or the previous value function while a new one is being
     /// solved.
     found: Option<Found>,
-    /// Why there is no value function.
+    /// The reason why there is no value function.
     missing: Option<String>,
     /// The position of the pointer (m), if the pointer has moved since the cross-hair moved.
     pointer: Option<[f64; 2]>,
@@ -101,7 +101,7 @@ const LINK: &str = "link";
 const LINK_AFTER_MS: f64 = 250.0;
 /// Id of the canvas element.
 const CANVAS: &str = "solid";
-/// Maximum drawing time (ms) at which a solid still turns smoothly.
+/// Maximum drawing time (ms) at which a solid still rotates smoothly.
 const SLOW_MS: f64 = 50.0;
 /// Maximum width of the tube's picture (px), and its height as a fraction of the width. In a wider
 /// space, the picture is enlarged. In a narrower space, the picture shrinks, but its text does not.
@@ -279,7 +279,7 @@ impl Reachability {
         self.has_graphics && (self.insists || self.frame_ms.is_none_or(|ms| ms <= SLOW_MS))
     }
 
-    /// Cuts through the tube at eight headings, as a substitute for the solid.
+    /// Slices of the tube at eight headings, shown instead of the solid.
     fn small_multiples(&self, found: &Found) -> Drawing {
         let headings = [0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0];
         slices(found.function(), &headings, &[self.view.level_m])

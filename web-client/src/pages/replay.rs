@@ -250,7 +250,7 @@ pub struct Replay {
     trouble: Option<String>,
     /// Error message about the link.
     misread: Option<String>,
-    /// Why the last film failed, if it did.
+    /// The reason why the last film failed, if it did.
     unfilmed: Option<String>,
 }
 

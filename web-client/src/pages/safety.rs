@@ -11,7 +11,7 @@ use sidestep::scene::{Evader, SceneParameters};
 use std::rc::Rc;
 
 /// The value functions of a scene, one for each evading vehicle, or the progress of loading them. A
-/// single function may serve both vehicles.
+/// single function can serve both vehicles.
 pub(super) struct Sources<M> {
     sources: Vec<Source>,
     /// Converts a report of the server or a solver to a message.
@@ -142,7 +142,7 @@ impl<M: Clone + 'static> Sources<M> {
         Some(SafetyLevels { human, robot })
     }
 
-    /// Why the functions are unavailable, if loading or solving one has failed.
+    /// The reason why the functions are unavailable, if loading or solving one has failed.
     pub(super) fn missing(&self) -> Option<&str> {
         self.sources.iter().find_map(|source| match &source.state {
             State::Missing(why) => Some(why.as_str()),

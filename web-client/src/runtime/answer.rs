@@ -5,7 +5,7 @@ use sidestep::api::Problem;
 /// Outcome of a request: the body of a 2xx response, or the failure.
 pub type Answer = Result<Vec<u8>, Failure>;
 
-/// Why a request failed.
+/// The reason why a request failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Failure {
     /// HTTP status of the response. 0 if the server could not be reached.

@@ -13,8 +13,8 @@ pub type Then<T, M> = Box<dyn FnOnce(T) -> M>;
 
 /// A command of a page to the browser.
 ///
-/// Requests, timers and solves have names. Starting one cancels any earlier one with the same name.
-/// The outcome of the cancelled one never arrives.
+/// Requests, timers and solves have names. Starting a request, timer or solve cancels the earlier
+/// one with the same name, whose outcome then never arrives.
 pub enum Command<M> {
     /// Send a request.
     Send(Request<M>),
@@ -42,7 +42,7 @@ pub enum Command<M> {
     /// Send a message now, and whenever the server reports a change. The connection is closed while
     /// the page is hidden. When the page is shown again, the message is sent immediately.
     Follow {
-        /// The name under which this can be cancelled.
+        /// The name under which the subscription can be cancelled.
         name: &'static str,
         /// Address of the server's events on this origin.
         url: &'static str,
@@ -97,9 +97,9 @@ pub enum Offer<M> {
         /// Content of the file.
         content: Vec<u8>,
     },
-    /// A film of a canvas, recorded from now on. Cancelling its name discards the film.
+    /// A film of a canvas, recorded from now on. If the film is cancelled, it is discarded.
     Film {
-        /// The name under which this can be cancelled.
+        /// The name under which the film can be cancelled.
         name: &'static str,
         /// Id of the canvas element.
         canvas: &'static str,
@@ -215,7 +215,7 @@ impl<M: 'static> Command<M> {
     }
 }
 
-/// Why the browser did not store a text.
+/// The reason why the browser did not store a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NotKept {
     /// There is no space left for this site.

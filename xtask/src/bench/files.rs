@@ -34,7 +34,7 @@ const TABLE: &str = "CREATE TABLE steps (participant INTEGER, trial INTEGER, ste
 /// When the program cannot be built or run.
 pub(super) fn run(workspace: &Workspace, quick: bool) -> Result<ExitCode> {
     stage("server", workspace.compile("build").args(["--bin", "sidestep"]))?;
-    // Use a folder on disk, because the system's folder for temporary files may be in memory.
+    // Use a folder on disk, because the system's folder for temporary files might be in memory.
     let folder = tempfile::tempdir_in(workspace.path("target")).context("a folder for files")?;
     let at = |name: &str| folder.path().join(name);
     let sidestep = || Command::new(workspace.server());

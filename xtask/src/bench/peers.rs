@@ -4,7 +4,8 @@
 //! `tests/peers/air3d.py` runs the peer; the library's example `air3d` runs our solver. The example
 //! measures the accuracy of both solutions against the closed form, in the same way.
 //!
-//! `cargo xtask bench peers -- --lanes avx2` limits both to the SIMD width that most machines have.
+//! `cargo xtask bench peers -- --lanes avx2` limits both solvers to the SIMD width that most
+//! machines have.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -183,7 +184,7 @@ pub(crate) fn measure(workspace: &Workspace) -> Result<Vec<Figures>> {
     Ok(figures)
 }
 
-/// Both sides of one case.
+/// The results of both solvers for one case.
 struct Compared {
     case: &'static Case,
     ours: Ours,

@@ -91,8 +91,8 @@ fn without_loader(js: &str) -> Result<&str> {
     )
 }
 
-/// Maximum length of an export's name that is kept. Longer names contain a hash. Shorter names may be used
-/// elsewhere.
+/// Maximum length of an export's name that is not shortened. Longer names contain a hash. Shorter
+/// names can be used by other code.
 const LONG: usize = 40;
 
 /// Short names for the imports and exports between script and program. The names that wasm-bindgen generates

@@ -33,7 +33,7 @@ pub(super) enum Ending {
 }
 
 impl Ending {
-    /// Upper bound on the tasks they drive.
+    /// Upper bound on the number of tasks that they drive.
     pub(super) fn tasks(self) -> u64 {
         match self {
             Self::Complete | Self::Excluded(_) => u64::MAX,

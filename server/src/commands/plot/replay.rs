@@ -59,7 +59,7 @@ impl ReplayArgs {
     }
 }
 
-/// A trial, its heading, and the same participant's earlier trials.
+/// A trial, the title of its figure, and the same participant's earlier trials.
 struct Found {
     recorded: Recorded,
     heading: String,
@@ -68,9 +68,9 @@ struct Found {
     models: Vec<(Source, Predictor)>,
 }
 
-/// Draws the moment. The predictor is `predictor` or the predictor that the view names; it is an error
-/// to give both. By default, it is a model trained on the participant's earlier trials, as in the
-/// laboratory.
+/// Draws the moment of the trial. The predictor is `predictor` or the predictor that the view
+/// names; giving both is an error. By default, it is a model trained on the participant's earlier
+/// trials, as in the laboratory.
 pub(super) async fn replay(
     args: &ReplayArgs,
     game: GameArgs,
@@ -284,7 +284,8 @@ fn of_file(
     person.keep_one_attempt();
     let earlier = person.trials.into_iter().map(|trial| (trial.inputs, trial.states)).collect();
     let start = trial.states[0];
-    // A file does not contain the goal. The robot is assumed to reach it at the end of the trial.
+    // A file does not contain the goal. The robot is assumed to reach its goal at the end of the
+    // trial.
     let scene = Scene::new(&parameters, start.human, start.robot);
     let heading = format!("participant {name} / {} / trial {wanted}", trial.phase.word());
     let (inputs, states) = (trial.inputs, trial.states);

@@ -10,7 +10,7 @@ use serde_json::{Map, Value};
 use sidestep::invalid::Invalid;
 use sidestep::study::StudyConfig;
 
-/// Selects the studies in which people take part. Returns their names in the same order.
+/// Returns those of `names` that belong to studies for real participants, in the same order.
 pub(super) async fn of_people(
     store: &Store,
     names: &[String],
@@ -47,8 +47,8 @@ pub(super) async fn prepare(
     };
     let slug = config.slug.clone();
     let known = store.study(&slug).await?.filter(|known| *known.config != config);
-    // An earlier version of the study came from this file, and the study was changed later. Keep these
-    // changes.
+    // An earlier version of the study came from this file, and the study was changed later. Keep
+    // the later changes.
     if let Some(known) = known.as_ref().filter(|_| !replace)
         && let Some(number) = followed(store, known, &config).await?
     {
@@ -103,8 +103,8 @@ async fn followed(
 ) -> Result<Option<u32>, CommandError> {
     let versions = store.study_versions(study.id).await?;
     let last = versions.iter().rfind(|version| version.by_file);
-    // If that version is the present version, only the status can differ, and the file gives the
-    // status.
+    // If the last version from a file is also the present version, it can differ from `config` only
+    // in the status. The file gives this status, so the status applies.
     let present = versions.last().map(|version| version.number);
     let changed = last.filter(|version| Some(version.number) != present && version.says(config));
     Ok(changed.map(|version| version.number))

@@ -108,7 +108,7 @@ pub(super) struct Evaluation {
     pub(super) regions: Vec<Regions>,
     /// The parts of the split from which the regions' probabilities are computed.
     pub(super) regions_from: String,
-    /// If the trials are synthetic, the reason why this is known.
+    /// If the trials are synthetic, the evidence for this.
     pub(super) synthetic: Option<String>,
     pub(super) tuning: Vec<Tuned>,
     /// Guarantees that are left out because the calibration set is too small.
@@ -150,7 +150,8 @@ pub(super) struct DangerRow {
     pub(super) entered: bool,
 }
 
-/// The paper's choice: the 2, 2, 1, 1, … likeliest actions at the successive steps.
+/// The paper's choice of actions: the two likeliest actions at each of the first two steps, and the
+/// likeliest action at each later step.
 pub(super) fn choice_of_the_paper(steps: usize, actions: usize) -> ActionChoice {
     ActionChoice::TopK((0..steps).map(|i| if i < 2 { actions.min(2) } else { 1 }).collect())
 }
@@ -161,7 +162,7 @@ fn region_windows(seed: u64) -> [WindowChoice; 3] {
 }
 
 impl Evaluation {
-    /// Number of progress-bar steps in [`Self::of`].
+    /// Number of stages that [`Self::of`] reports on the progress bar.
     pub(super) fn stages(questions: &Questions) -> u64 {
         let tuned = questions.guarantees.len() * questions.probabilities.len();
         // Add three stages: the comparison, the danger zone and the panels.
@@ -189,7 +190,7 @@ impl Evaluation {
         let mut found = Vec::new();
         for choice in region_windows(questions.split.seed) {
             bar.set_message(format!("regions, {}", choice.word().replace('_', " ")));
-            // A choice may give no window, for example because no one turned in time.
+            // A choice can give no window, for example because nobody turned early enough.
             if choice.windows(&unseen, settings.steps()).iter().any(|windows| !windows.is_empty()) {
                 let confidence = questions.confidence;
                 let regions =
@@ -330,8 +331,8 @@ fn danger<M: ActionModel + Sync>(
 /// Maximum number of predictions in the figure.
 const PANELS: usize = 3;
 
-/// Predictions at the first turn of the first test trajectories that have one. If no trajectory has
-/// a turn, predictions at the start of the first test trajectories.
+/// Predictions at the first turn of the first test trajectories that have a turn. If no trajectory
+/// has one, predictions at the start of the first test trajectories.
 fn panels<M: ActionModel>(
     recorded: &[Recorded],
     parts: &Parts,

@@ -10,7 +10,7 @@ use sidestep::study::{PhaseConfig, StudyConfig};
 use sidestep::synthetic::{Keys, SyntheticParticipant};
 use sidestep::trial::Phase;
 
-/// Lets all participants take part, one after another, and prints the summary.
+/// Makes all participants take part, one after another, and prints the summary.
 pub(super) async fn take_part(args: &SimulateArgs, url: &str) -> Result<(), CommandError> {
     let bad = |flag: &str, expected: &str, found: &str| {
         CommandError::Input(format!("--{flag}: expected {expected}, found {found}"))

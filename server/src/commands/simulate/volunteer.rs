@@ -117,7 +117,7 @@ impl<'a> Volunteer<'a> {
             if seen.len() == before {
                 break wanted.len() == known.plan.scenes().count();
             }
-            // The server may have planned a second attempt at an interrupted task.
+            // The server might have planned a second attempt at an interrupted task.
             known = me.progress().await?;
         };
         if all && !known.answered {

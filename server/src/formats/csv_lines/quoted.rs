@@ -11,7 +11,8 @@ pub(super) struct Quoted<R> {
 }
 
 impl<R: Read> Quoted<R> {
-    /// Reads from this line on. `read` has the bytes that were already read, and `file` the rest.
+    /// Reads from this line on. `read` has the bytes that were already read, and `file` has the
+    /// rest.
     pub(super) fn of(read: Vec<u8>, file: R, line: u64, separator: u8) -> Self {
         let file = Watched::new(Cursor::new(read).chain(file), line);
         let mut reader = csv::ReaderBuilder::new();
@@ -59,7 +60,8 @@ struct Watched<R> {
     line: u64,
     /// Whether the current line is empty so far.
     empty: bool,
-    /// Whether the last byte was a carriage return. It ends a line alone or together with a line feed.
+    /// Whether the last byte was a carriage return. A carriage return ends a line, either alone or
+    /// together with a line feed.
     after_return: bool,
     /// For each non-empty line from the last requested line on: the offset of its first byte, and its
     /// line number.
@@ -72,7 +74,8 @@ impl<R> Watched<R> {
         Self { file, read: 0, line, empty: true, after_return: false, begins: VecDeque::new() }
     }
 
-    /// The number of the first non-empty line from this byte on. Requests must be in ascending order.
+    /// The number of the first non-empty line that begins at this byte or later. Requests must be
+    /// in ascending order.
     fn line_of(&mut self, byte: u64) -> u64 {
         while self.begins.len() > 1 && self.begins[0].0 < byte {
             self.begins.pop_front();

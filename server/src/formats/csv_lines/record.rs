@@ -17,8 +17,8 @@ pub struct Record {
     text: String,
     /// The end of each field in the text, and the start of the next field.
     fields: Vec<(usize, usize)>,
-    /// Whether the delimiter is a comma. In this case only quoted fields contain commas, which may
-    /// separate thousands.
+    /// Whether the delimiter is a comma. If so, only quoted fields contain commas, and these commas
+    /// can separate thousands.
     by_commas: bool,
     /// The decimal mark of the file's numbers so far.
     decimal: Cell<Option<Decimal>>,
@@ -128,7 +128,7 @@ impl Record {
     }
 }
 
-/// Whether commas are followed by three digits each, like separators of thousands.
+/// Whether each comma is followed by three digits, as in 1,000.
 fn may_be_thousands(text: &str) -> bool {
     let (whole, rest) = text.split_once(',').unwrap_or((text, ""));
     let whole = whole.trim_start_matches(['-', '+']);

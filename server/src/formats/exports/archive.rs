@@ -93,8 +93,8 @@ fn table_by_table<W: Write + Send + 'static>(
             let people = dataset.driven(store, Arc::clone(failed));
             let mut printing = Printing::of(format, &dataset.filter, vec![file]);
             let added = printing.add_all(people, &CancellationToken::new());
-            // Set this before the archive is dropped, because the drop would otherwise complete the
-            // archive.
+            // Set `failed` before the archive is dropped, because the drop would otherwise complete
+            // the archive.
             failed.fetch_or(added.is_err(), Ordering::SeqCst);
             added?;
             // Every pass finds the same damage.
@@ -159,7 +159,8 @@ fn begin<W: Write>(zip: &mut Archive<W>, name: &str) -> io::Result<()> {
     Ok(zip.start_file(name, options)?)
 }
 
-/// Refuses output after a failure, because dropping an archive writes its central directory.
+/// A writer that refuses output after a failure. Dropping an archive writes its central directory,
+/// so the output would otherwise look complete.
 struct Gate<W> {
     out: W,
     failed: Arc<AtomicBool>,

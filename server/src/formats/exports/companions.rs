@@ -30,7 +30,7 @@ pub struct Manifest {
     pub format: Format,
     /// The filter of the export.
     pub filter: Filter,
-    /// The damage, in all phases.
+    /// The damage in all phases, even if the filter selects one phase.
     #[serde(flatten)]
     pub damage: Damage,
     /// The files of the export, except for the manifest.

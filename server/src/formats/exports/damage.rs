@@ -40,8 +40,8 @@ pub struct Damage {
     /// The first damaged trials.
     #[serde(rename = "damage", skip_serializing_if = "Vec::is_empty")]
     pub first: Vec<Damaged>,
-    /// Faults that the database finds in its file, and stored counts that do not match the trials.
-    /// Because of such a fault, rows may be missing or belong to another participant.
+    /// Faults that the database system finds in its file, and stored counts that do not match the
+    /// trials. Because of such a fault, rows might be missing or belong to another participant.
     #[serde(rename = "database_damage", skip_serializing_if = "Vec::is_empty")]
     pub database: Vec<String>,
 }

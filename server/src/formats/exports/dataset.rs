@@ -13,9 +13,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use tokio::sync::mpsc;
 
-/// The participants and configurations that a filter selects. Trials are read from the store when
-/// needed. Stored trials never change, so the trials that existed at this instant are the first trials
-/// of each plan.
+/// The participants and configurations that a filter selects, at one instant. Trials are read from
+/// the store when they are needed. Stored trials never change, and later trials follow them in plan
+/// order. So the first trials of each participant are the trials of this instant.
 #[derive(Clone, Debug)]
 pub struct Dataset {
     /// The study.
@@ -74,7 +74,7 @@ impl Dataset {
         hex::encode(hash.finalize())
     }
 
-    /// Whether all drivers are programs. A pilot participant of a synthetic study may be a person.
+    /// Whether all participants are programs. A pilot of a synthetic study can be a person.
     #[must_use]
     pub fn is_synthetic(&self) -> bool {
         self.study.config.synthetic && !self.filter.pilots

@@ -36,7 +36,7 @@ pub enum Quality {
 }
 
 impl Filter {
-    /// Whether the export has this trial, given that it has the trial's participant.
+    /// Whether the filter selects this trial, if it selects the trial's participant.
     #[must_use]
     pub fn keeps(&self, Driven { trial, damage, .. }: &Driven<'_>) -> bool {
         let head = &trial.head;
@@ -47,7 +47,7 @@ impl Filter {
         quality && self.phase.is_none_or(|phase| phase == head.phase)
     }
 
-    /// Whether the export has participants who enrolled under the configuration with this hash.
+    /// Whether the filter selects participants who enrolled under the configuration with this hash.
     #[must_use]
     pub fn keeps_configuration(&self, hash: &str) -> bool {
         self.configuration.as_ref().is_none_or(|wanted| wanted == hash)

@@ -60,7 +60,8 @@ pub async fn write(
         obsolete.extend(files.into_iter().map(|file| file.name).filter(|name| !name.contains('/')));
     }
     let draft = Draft::begin_private(folder)?;
-    // The replay of a trial cannot show that the trial belongs to another participant.
+    // Also check the database itself: the replay of a trial cannot show that the trial belongs to
+    // another participant.
     let database = database_check::damage_of_database(store).await?;
     let people = dataset.driven(store, Arc::default());
     let (path, asked) = (draft.path().to_owned(), cancel.clone());
@@ -143,7 +144,7 @@ pub(super) fn tables(
     Ok((entries, damage))
 }
 
-/// Creates a file and its folder. Only this user can read the file, because it may contain external
+/// Creates a file and its folder. Only this user can read the file, because it can contain external
 /// ids of participants.
 fn created(path: &Path) -> io::Result<File> {
     if let Some(parent) = path.parent() {
@@ -152,7 +153,7 @@ fn created(path: &Path) -> io::Result<File> {
     private::new_file(path)
 }
 
-/// The entry of a file that was written elsewhere.
+/// The manifest entry of a finished file.
 fn of_file(path: &Path, rows: u64) -> io::Result<FileEntry> {
     let mut hashed = Hashed::new(io::sink());
     io::copy(&mut File::open(path)?, &mut hashed)?;

@@ -13,7 +13,7 @@ pub(super) struct Person {
     /// Number of stored trials according to the roster.
     stored: usize,
     trials: Vec<Result<Examined, Wrong>>,
-    /// Why no trial can be read.
+    /// The reason why no trial can be read, if so.
     unreadable: Option<String>,
     /// Number of stored trials that cannot be found because of damage.
     hidden: usize,
@@ -54,8 +54,8 @@ impl Person {
         self.trials.truncate(self.stored + self.uncounted);
     }
 
-    /// The readable trials, numbered by their place in the plan. So (participant, trial) identifies
-    /// a trial even if other trials are left out.
+    /// The readable trials, numbered by their place in the plan. So the pair (participant, trial)
+    /// identifies a trial even if other trials are left out.
     pub(super) fn driven(&self) -> impl Iterator<Item = Driven<'_>> {
         self.trials.iter().filter_map(|examined| {
             let Examined { trial, config, fault } = examined.as_ref().ok()?;

@@ -1,4 +1,4 @@
-//! The content of an export, from which its descriptions are made.
+//! The content of an export, as needed for its dictionary and its other descriptions.
 
 use super::table::Table;
 use crate::formats::table::Column;

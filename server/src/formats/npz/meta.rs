@@ -8,7 +8,7 @@ use sidestep::reachability::{Method, Nodes};
 use std::io::{Read, Seek};
 use zip::ZipArchive;
 
-/// Reads `meta`. It must have this version and be consistent.
+/// Reads `meta`. Its `format` must be [`FORMAT`], and its fields must be consistent.
 pub(super) fn read_meta<R: Read + Seek>(archive: &mut ZipArchive<R>) -> Result<Meta, Invalid> {
     let bytes: Vec<u8> = values(archive, "meta", None)?;
     let json: serde_json::Value =

@@ -13,8 +13,8 @@ pub enum Cells {
     Text(Texts),
 }
 
-/// The texts of a column. Most texts equal the text in the row before, so repeated texts are stored
-/// only once.
+/// The texts of a column. Most texts equal the text in the previous row, so repeated texts are
+/// stored only once.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Texts {
     /// The texts without adjacent repetitions.

@@ -13,8 +13,8 @@ pub(super) fn number(out: &mut Vec<u8>, number: f64) {
     }
 }
 
-/// Appends the shortest decimal that parses to the same bits, in the form of `{}`: `4`, and never
-/// an exponent.
+/// Appends the shortest decimal that parses to the same bits, in the form of `{}`. A whole number
+/// has no decimal point, such as `4`, and there is never an exponent.
 pub(super) fn time(out: &mut Vec<u8>, ms: f64) {
     if (1e-4..1e16).contains(&ms.abs()) || ms == 0.0 {
         let mut buffer = zmij::Buffer::new();

@@ -119,7 +119,8 @@ fn rows() -> impl Strategy<Value = Vec<Row>> {
     prop::collection::vec(row, 0..20)
 }
 
-/// A value after a round trip through CSV, which has no empty text and disarms formulas.
+/// A value after a round trip through CSV. An empty text becomes a missing value, and a formula
+/// gets an apostrophe.
 fn in_csv(value: Value) -> Value {
     match value {
         Value::Text(text) if text.is_empty() => Value::None,

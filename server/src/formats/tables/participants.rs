@@ -53,7 +53,8 @@ const FIXED: [(&str, Kind, &str, &str); 26] = [
     ),
 ];
 
-/// The columns that depend on the study: names of link parameters, and names of answers.
+/// The columns that depend on the study: the names of recruitment parameters, and the names of
+/// answers.
 #[derive(Debug)]
 struct Extra {
     parameters: Vec<String>,
@@ -114,7 +115,7 @@ impl<'a> Participants<'a> {
         let answer = |name: &String| {
             let question = self.study.questions.iter().find(|question| question.name == *name);
             let (mut kind, range) = question.map_or((Text, None), kind_of);
-            // An earlier configuration may have asked a different question under the same name.
+            // An earlier configuration might have asked a different question under the same name.
             let is_number = |answer: &Value| answer.is_null() || answer.is_i64();
             let mut answers = self.people.iter().filter_map(|person| person.answers.get(name));
             if kind == Whole && !answers.all(is_number) {

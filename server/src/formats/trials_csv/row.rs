@@ -146,7 +146,7 @@ impl Parser {
     }
 }
 
-/// Parses a text, unless it equals the last text, whose value is then returned.
+/// Parses a text. If it equals the previous text, returns the stored value of that text instead.
 fn repeated<T: Clone + Default>(
     last: &mut (String, T),
     text: Option<&str>,

@@ -189,7 +189,7 @@ fn fields(schema: &Value) -> Vec<Row<'_>> {
         .collect()
 }
 
-/// A type in words.
+/// Describes the type of a schema in words.
 fn words(schema: &Value) -> Vec<Piece> {
     if let Some(name) = schema.get("$ref").and_then(Value::as_str) {
         let name = name.rsplit('/').next().unwrap_or(name);

@@ -42,8 +42,8 @@ impl Outlet {
     }
 }
 
-/// The length of an archive. Returns `None` if measuring fails or takes longer than a request may
-/// wait. In the latter case, measuring continues.
+/// The length of an archive. Returns `None` if measuring fails, or takes longer than [`MEASURING`].
+/// In the latter case, measuring continues.
 pub(super) async fn measure(lengths: &Lengths, outlet: &Outlet) -> Option<u64> {
     let (length, outlet) = (lengths.of(&outlet.tag), outlet.clone());
     let measuring = tokio::spawn(async move {

@@ -53,7 +53,7 @@ pub const PROBLEMS: [Meaning; 37] = [
     ("storage", 503, "the database cannot be used now; Retry-After says when to try again"),
 ];
 
-/// The first entry of a code, or its entry with this status.
+/// The first entry of a code or, with a status, the entry of this code and status.
 ///
 /// # Panics
 /// If there is no entry, which is a defect of this program.

@@ -63,7 +63,8 @@ impl Schemas {
     }
 }
 
-/// The names whose schemas differ between requests and responses, directly or in a nested schema.
+/// The names of types whose schemas differ between requests and responses, directly or in a nested
+/// schema.
 fn twofold(requests: &Map<String, Value>, answers: &Map<String, Value>) -> BTreeSet<String> {
     let mut twofold = BTreeSet::new();
     loop {

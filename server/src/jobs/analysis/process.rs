@@ -19,12 +19,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 pub(super) struct HowFar {
     done: AtomicUsize,
     of: AtomicUsize,
-    /// Number of pieces that were computed instead of reused.
+    /// Number of pieces of work that were computed and not taken from the cache.
     fresh: AtomicUsize,
 }
 
 impl HowFar {
-    /// The numbers of finished pieces, of all pieces, and of pieces that were computed instead of reused.
+    /// The numbers of finished pieces of work, of all pieces, and of pieces that were not taken
+    /// from the cache.
     pub(super) fn numbers(&self) -> [usize; 3] {
         [&self.done, &self.of, &self.fresh].map(|number| number.load(Ordering::Relaxed))
     }

@@ -157,7 +157,8 @@ impl Worker {
         match ending {
             _ if !wanted => tracing::info!(study = job.study, "an analysis came too late"),
             Ok(_) => tracing::info!(study = job.study, "an analysis is done"),
-            // The laboratory shows the reason. It may name a participant, so the log omits it.
+            // The laboratory shows the reason. The reason can name a participant, so the log omits
+            // it.
             Err(_) => {
                 tracing::warn!(study = job.study, analysis = job.sequence, "an analysis failed")
             }
@@ -200,7 +201,7 @@ impl Worker {
 
     async fn compute(&self, job: &Job, how_far: &HowFar) -> anyhow::Result<Outcome> {
         let study = self.study(job).await?;
-        // More data may have been stored after the analysis was requested.
+        // More data might have been stored after the analysis was requested.
         match self.limits.check(&self.store, &study, &job.request).await? {
             Ok(_) => compute(&self.store, &study, job, &self.children, how_far).await,
             Err(invalid) => Ok(Outcome::Failed(invalid.to_string())),
@@ -214,7 +215,7 @@ impl Worker {
             match self.store.note_progress(job, how_far.numbers(), now_ms()).await {
                 Ok(true) => {}
                 Ok(false) => return,
-                // The next attempt may succeed.
+                // The next attempt might succeed.
                 Err(error) => tracing::warn!(%error, "progress was not noted"),
             }
         }

@@ -63,7 +63,7 @@ fn tones(map: &DecisionMap) -> Vec<Vec<[f64; 4]>> {
         while column < cells.len() {
             let of = tone(cells[column]);
             let run = cells[column..].iter().take_while(|p| tone(**p) == of).count();
-            // Columns are ordered to the left.
+            // Columns are ordered from right to left.
             let ends = [column, column + run].map(|i| -at(DecisionMap::RIGHT_M, i));
             boxes[of].push([ends[1], below, ends[0], above]);
             column += run;

@@ -49,7 +49,7 @@ fn curves() -> impl Iterator<Item = (ModelName, &'static str)> {
     CURVE_MODELS.into_iter().flat_map(|model| ["hrd", "d"].map(|set| (model, set)))
 }
 
-/// The gain of a person's own model over a model that was trained on others.
+/// The gain of a person's own model over a model that was trained on other people.
 pub(super) fn unseen(analysis: &Analysis) -> Option<Figure> {
     let all: Vec<&Unseen> = analysis.unseen.iter().collect();
     let gains = || all.iter().flat_map(|of| of.own.paired.gains.iter().copied());
@@ -84,8 +84,8 @@ pub(super) fn unseen(analysis: &Analysis) -> Option<Figure> {
     Some(figure("unseen", &Experiment::ALL.map(chart), 250.0))
 }
 
-/// The loss of each of the paper's models without each feature, for two feature sets in both
-/// experiments.
+/// The accuracy that each of the paper's models loses without each feature, for two feature sets in
+/// both experiments.
 pub(super) fn importance(analysis: &Analysis) -> Option<Figure> {
     let losses = || analysis.importance.iter().flat_map(|of| of.losses.iter().copied());
     losses().next()?;

@@ -1,4 +1,5 @@
-//! Charts of roll-outs: how well models predict when they drive on from a given moment.
+//! Charts of roll-outs: how well models predict from a given moment on, if each prediction becomes
+//! the next input.
 
 use super::{Figure, figure, look, range};
 use sidestep::chart::{Axis, Chart, Mark, Pen, Series, colours};
@@ -7,7 +8,7 @@ use sidestep::comparison::rollout::{Horizon, Simple};
 use sidestep::comparison::{Analysis, RolloutsOf};
 use sidestep::features::HISTORY_SET;
 
-/// A curve of roll-outs: driver, feature set, name, pen and mark.
+/// A curve of roll-outs. Its driver is the model or the simple rule that chooses the inputs.
 #[derive(Clone, Copy)]
 struct Line {
     driver: &'static str,

@@ -17,7 +17,7 @@ use sidestep::comparison::models::ModelName;
 use sidestep::math::SeededRng;
 use std::collections::BTreeSet;
 
-/// All texts that the first paragraph of the first finding may have. The numbers in the files are
+/// All texts that the first paragraph of the first finding can have. The numbers in the files are
 /// rounded, so several printed values are possible.
 fn main_sentences(files: &Files, of: &Told) -> BTreeSet<String> {
     let mean = |set| {
@@ -74,7 +74,7 @@ fn main_sentences(files: &Files, of: &Told) -> BTreeSet<String> {
     all.into_iter().map(|told| format!("{begin}{told}")).collect()
 }
 
-/// The sentence about too few people. The smallest p-value is computed here.
+/// The sentence about too few people. This function itself computes the smallest possible p-value.
 fn power_sentence(people: usize, family: usize) -> String {
     let least = (0..people).fold(2.0, |p: f64, _| 0.5 * p).min(1.0);
     let needed = (1..60).find(|n| 2.0 * 0.5_f64.powi(*n) * (family as f64) < 0.05).unwrap();

@@ -18,9 +18,9 @@ use std::collections::BTreeMap;
 const STEPS: usize = 10;
 const TRIALS: usize = 2;
 
-/// People who turn in steps 3 to 6 of each trial. Models miss two steps of each trial on the set d, and
-/// one step on all other sets. For every second person, they miss one more step. They find the first
-/// step of avoidance.
+/// People who turn in steps 3 to 6 of each trial. Models miss two steps of each trial on the set d,
+/// and one step on all other sets. For every second person, they miss one more step. Models always
+/// find the first step of avoidance.
 pub(super) fn made_up(people: usize, synthetic: Option<&str>) -> Analysis {
     made_up_but(people, synthetic, |_| {})
 }

@@ -160,7 +160,7 @@ fn words_follow_the_numbers() {
         "Safety levels predict better than distance alone, in every model and experiment."
     ));
     assert!(!many.contains("no difference could be shown"));
-    // No two people differ, so there is nothing to test.
+    // Both sets give the same results for every person, so there is nothing to test.
     let same =
         "Too few people to show whether the human’s or the robot’s safety level predicts better.";
     assert!(many.contains(same), "{many}");
@@ -342,7 +342,7 @@ fn intervals_and_families_are_in_files() {
         assert_eq!(found.len(), count, "{file}");
         for row in found {
             let number = |column: &str| row[column].parse::<f64>().unwrap();
-            // If no person differs, there is no interval.
+            // If both sets give the same results for every person, there is no interval.
             if row["differing"] == "0" {
                 assert_eq!((&*row["gain_low"], number("wilcoxon_persons")), ("", 1.0), "{row:?}");
                 continue;

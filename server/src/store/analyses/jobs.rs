@@ -1,4 +1,4 @@
-//! Work on analyses: leases, progress, files, and cells that later analyses reuse.
+//! Work on analyses: leases, progress, files, and cells (cached results that later analyses reuse).
 
 use crate::store::lanes::Lock;
 use crate::store::sql::{Connection, OptionalExtension, params};
@@ -148,7 +148,7 @@ impl Store {
         Ok(true)
     }
 
-    /// Ends an analysis that is still wanted, as done with a result, or as failed with a message.
+    /// If an analysis is still wanted, ends it as done with a result, or as failed with a message.
     /// If it is done, the study's cells under keys other than `used` are deleted. If it failed, its
     /// files are deleted. Returns whether the analysis was wanted.
     pub async fn end_analysis(
@@ -264,8 +264,8 @@ fn begin(db: &Connection, worker: &str, now_ms: i64) -> Result<Option<Job>, Stor
     Ok(Some(Job { sequence, attempt, study_id, study, request }))
 }
 
-/// The current time (ms). If several servers share the database, this is the database's clock,
-/// because the servers' clocks may differ. Otherwise it is $1.
+/// The SQL expression for the current time (ms). If several servers share the database, it is the
+/// database's clock, because the servers' clocks can differ. Otherwise it is the parameter $1.
 fn now(db: &Connection) -> &'static str {
     db.choose("$1", "CAST(extract(epoch FROM clock_timestamp()) * 1000 AS BIGINT)")
 }

@@ -1,4 +1,4 @@
-//! The copied tables and their columns. A test compares them with the databases' own lists.
+//! The copied tables and their columns. A test compares the columns with those in the database.
 
 use crate::store::StoreError;
 use crate::store::sql::{Connection, Kind, params};
@@ -45,7 +45,7 @@ impl Table {
         self
     }
 
-    /// The statement that deletes the rows of $1.
+    /// The statement that deletes the rows that belong to the participant or analysis with the id $1.
     pub(super) fn delete(&self) -> String {
         format!("DELETE FROM {} WHERE {}", self.name, self.of)
     }
@@ -197,7 +197,8 @@ pub(super) fn take_numbers(db: &Connection, table: &str, last: i64) -> Result<()
     Ok(())
 }
 
-/// Ensures that a table that was filled with explicit numbers does not assign them again.
+/// Call this after a table was filled with explicit numbers. It ensures that the table does not
+/// assign these numbers again.
 pub(super) fn never_use_again(db: &Connection, table: &str) -> Result<(), StoreError> {
     take_numbers(db, table, 0)
 }

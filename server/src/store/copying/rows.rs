@@ -24,7 +24,7 @@ impl Rows {
         self.numbers.append(&mut more.numbers);
     }
 
-    /// Each row separately.
+    /// Each row as its own [`Rows`].
     pub(super) fn apart(&self) -> impl Iterator<Item = Self> {
         self.rows.iter().enumerate().map(|(at, row)| Self {
             rows: vec![row.clone()],
@@ -40,13 +40,13 @@ impl Rows {
         })
     }
 
-    /// A value in the single row of the table.
+    /// A value in the first row, for tables with one row per participant.
     pub(super) fn value_mut(&mut self, table: &Table, column: &str) -> Option<&mut Value<'static>> {
         let place = table.columns.iter().position(|(name, _)| *name == column)?;
         self.rows.first_mut()?.get_mut(place)
     }
 
-    /// An integer, or a Boolean as 1 or 0, in the single row of the table.
+    /// An integer, or a Boolean as 1 or 0, in the first row, for tables with one row per participant.
     pub(super) fn number(&self, table: &Table, column: &str) -> Option<i64> {
         let place = table.columns.iter().position(|(name, _)| *name == column)?;
         match self.rows.first()?.get(place)? {

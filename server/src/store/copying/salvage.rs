@@ -38,9 +38,9 @@ pub enum Salvaged {
 pub struct Lost {
     /// The table.
     pub table: String,
-    /// Its key, as far as known.
+    /// The key of the row, as far as it is known.
     pub key: String,
-    /// Why it is lost.
+    /// The reason for the loss.
     pub why: String,
 }
 
@@ -58,8 +58,8 @@ impl fmt::Display for Lost {
 }
 
 impl RowsCopy {
-    /// The list of losses if a participant and all their rows are lost for this reason. Each trial is
-    /// named. Rows without names are counted.
+    /// The list of losses if a participant and all their rows are lost for this reason. Each trial
+    /// is named. The rows of other tables are only counted.
     pub fn rows_lost(&self, why: &str) -> impl Iterator<Item = Lost> {
         PARTICIPANT_TABLES.iter().zip(&self.tables).flat_map(move |(table, rows)| {
             let keys: Vec<String> = match table.name {
@@ -90,8 +90,8 @@ impl Store {
         .await
     }
 
-    /// Stores rows one by one: a participant's rows or, without a target, the keys and the audit trail.
-    /// Returns the rows that the database refuses.
+    /// Stores rows one by one. With a target, these are a participant's rows. Without a target,
+    /// these are the keys and the audit trail. Returns the rows that the database refuses.
     ///
     /// # Errors
     /// [`StoreError`] if the transaction fails.
@@ -127,7 +127,7 @@ impl Store {
         .await
     }
 
-    /// Deletes an unsound trial.
+    /// Deletes a trial in which the check of the copied database found a fault.
     pub async fn drop_unsound(&self, trial_id: &str) -> Result<(), StoreError> {
         let trial_id = trial_id.to_owned();
         self.write_behind([Lock::Studies], move |db| {
@@ -352,7 +352,8 @@ impl Reader<'_> {
         Ok(rows)
     }
 
-    /// Reports as lost the trials that were counted when they were stored but are no longer there.
+    /// `there` is the number of trials that were read. If the tally counts more trials, reports the
+    /// difference as lost.
     fn lose_uncounted(&self, id: &str, there: usize) -> Result<(), StoreError> {
         let query = "SELECT stored FROM tally WHERE participant_id = $1";
         let stored = self.db.query_row(query, [id], |row| row.get::<_, i64>(0));
@@ -424,7 +425,8 @@ impl Reader<'_> {
         Ok(exists.then(|| RowsCopy { id: id.to_owned(), tables }))
     }
 
-    /// Reports rows whose owner is missing. Trials are reported elsewhere.
+    /// Reports rows whose owner is missing, except trials. [`Self::run`] reports trials without an
+    /// owner.
     fn lose_dangling(&self) -> Result<(), StoreError> {
         let mut missing = BTreeSet::new();
         for table in ["participant_token", "scene", "note", "exclusion", "tally"] {

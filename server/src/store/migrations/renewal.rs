@@ -8,8 +8,8 @@ use std::ops::Range;
 
 /// Repairs the parts of a damaged SQLite file that are the same in every database of this version:
 /// the text of the schema, the mark, and the table of migrations. The last migration added the
-/// mark, so a file with a mark is of this version. `db` may write the schema. `like` has all
-/// migrations and no data.
+/// mark, so a file with a mark is of this version. `db` must be allowed to write the schema. `like`
+/// must have all migrations and no data.
 pub(in crate::store) fn renew(db: &Connection, like: &Connection) -> Result<(), Failure> {
     const MARK: &str = "mark";
     let [found, known] = [schema(db)?, schema(like)?];

@@ -30,7 +30,7 @@ pub struct Participant {
     pub screened_out: bool,
     /// The completion code, once every planned trial is stored.
     pub completion_code: Option<String>,
-    /// When they withdrew, if they did.
+    /// When they withdrew, if they have withdrawn.
     pub withdrawn_at_ms: Option<i64>,
     /// When they were last seen.
     pub last_seen_at_ms: i64,

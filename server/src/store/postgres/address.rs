@@ -1,5 +1,5 @@
-//! The address of a database: `postgres://USER:PASSWORD@HOST:PORT/DATABASE?…`. It names several
-//! hosts if there are standbys.
+//! The address of a database: `postgres://USER:PASSWORD@HOST:PORT/DATABASE?…`. It can name several
+//! hosts: the primary and its standbys.
 
 use crate::store::OpenError;
 use sqlx::ConnectOptions;
@@ -101,8 +101,9 @@ impl Address {
             }
             let url = format!("{scheme}://{at}{host}/{database}?{}", others.join("&"));
             let options: PgConnectOptions = url.parse().map_err(|_| unreadable())?;
-            // A connection between machines uses TLS and verifies the server's certificate, so that
-            // nobody can eavesdrop or impersonate the server, unless the address allows it.
+            // By default, a connection between machines uses TLS and verifies the server's
+            // certificate, so that nobody can eavesdrop or impersonate the server. Options of the
+            // address can change this.
             let is_chosen = others.iter().any(|option| option.starts_with("ssl"));
             let mode = match (is_chosen, options.get_ssl_mode()) {
                 (false, _) if is_this_machine(&options) => PgSslMode::Disable,

@@ -124,7 +124,7 @@ pub(super) struct Sessions {
 }
 
 impl Sessions {
-    /// A pool of at most `count` sessions, driven by `runtime`. It is empty at first.
+    /// A pool of at most `count` sessions, whose tasks run on `runtime`. It is empty at first.
     pub(super) fn new(address: &Address, count: u32, runtime: Handle) -> Self {
         let lost_at = Arc::new(Mutex::new(None));
         let lost = Arc::clone(&lost_at);
@@ -264,7 +264,8 @@ impl Sessions {
             Ok(session) => Ok(session),
             // The pool retries until its timeout, and does not report why it failed.
             Err(sqlx::Error::PoolTimedOut) => {
-                // Until the primary is found, no other caller waits for the pool.
+                // Until the primary is found, other callers search for it, too, instead of waiting
+                // for the pool.
                 self.is_lost.store(true, Ordering::Relaxed);
                 self.find().await?;
                 Err(sqlx::Error::PoolTimedOut.into())

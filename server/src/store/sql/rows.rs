@@ -17,8 +17,8 @@ pub(in crate::store) struct Rows {
 }
 
 impl Rows {
-    /// The text for `count` rows of `width` parameters. PostgreSQL needs their numbers. In SQLite,
-    /// the time to bind numbered parameters grows with the square of their count.
+    /// The text for `count` rows of `width` parameters. PostgreSQL requires numbered parameters. In
+    /// SQLite, the time to bind numbered parameters grows with the square of their count.
     pub(super) fn text(&self, count: usize, width: usize, is_sqlite: bool) -> String {
         let parameter = |number: usize| match is_sqlite {
             true => "?".to_owned(),
@@ -37,7 +37,8 @@ impl Rows {
 type Execution = (String, Vec<Value<'static>>);
 
 impl Rows {
-    /// Splits these rows of parameters into executions. The number of rows of each is a power of two.
+    /// Splits these rows of parameters into executions. The number of rows of each execution is a
+    /// power of two.
     pub(super) fn executions(
         &self,
         mut values: Vec<Vec<Value<'static>>>,

@@ -29,8 +29,8 @@ pub(in crate::store) fn open(options: &SqliteConnectOptions) -> Result<Connectio
 /// A connection that only reads, and changes no file even when it is closed.
 pub(super) fn untouching(file: &DatabaseFile) -> Result<Connection> {
     // If this user cannot change the file and no process uses it, `immutable` keeps SQLite from
-    // creating a log and its index beside it. This user may not be allowed to create them, or the
-    // file's owner could not use them.
+    // creating a log and its index beside it. This user might not be allowed to create these files,
+    // or the file's owner could not use them.
     open(&options(file.path(), WRITE_PATIENCE).read_only(true).immutable(file.is_fixed()))
 }
 
@@ -69,8 +69,8 @@ fn draw_another(db: &Connection) -> Result<()> {
 pub(super) fn leave_no_log(file: &DatabaseFile) {
     let is_there = std::fs::exists(file.log()).unwrap_or(false);
     if is_there && !file.has_log() && !file.is_fixed() {
-        // The last connection that can write deletes the log when it closes. A log that remains does no
-        // harm.
+        // When the last connection that can write closes, it deletes the log. An empty log that
+        // remains does no harm.
         let nothing = "SELECT count(*) FROM sqlite_schema";
         let _ = open(&options(file.path(), READ_PATIENCE))
             .and_then(|db| db.query_row(nothing, [], |_| Ok(())));
@@ -113,8 +113,8 @@ fn of_writer(path: &Path) -> Result<SqliteConnectOptions> {
         .pragma("temp_store", "MEMORY"))
 }
 
-/// A connection that cannot write, not even through a faulty query. The last connection to close
-/// runs a checkpoint, unless the file must stay untouched.
+/// A connection that cannot write, not even through a faulty query. When the last connection to the
+/// file closes, it runs a checkpoint, unless the file must stay untouched.
 pub(super) fn reading(file: &DatabaseFile, is_untouched: bool) -> Result<Connection> {
     let (options, is_fixed) = (options(file.path(), READ_PATIENCE), file.is_fixed());
     let options = options.pragma("query_only", "ON");
@@ -143,7 +143,8 @@ pub(super) fn renew_indices(db: &Connection) -> Result<()> {
         match db.query_row(&lacks_rows, [], |row| row.get::<_, bool>(0)) {
             Ok(true) => continue,
             Ok(false) if db.batch(&format!("REINDEX {quoted}")).is_ok() => continue,
-            // A damaged index may refer to pages of a table, and REINDEX could free these pages.
+            // If the count fails, the index is damaged and may refer to pages of a table. REINDEX
+            // is not run, because it could free these pages.
             Ok(false) | Err(_) => {}
         }
         let Some(columns) = columns else { continue };
@@ -193,7 +194,7 @@ pub(super) fn empty_log(db: &Connection) -> Result<bool, StoreError> {
 pub(super) fn first_damage(db: &Connection) -> Result<Option<String>> {
     let found = db.query_row("PRAGMA quick_check(1)", [], |row| row.get::<_, String>(0));
     match found.map_err(StoreError::from) {
-        // The first line is a heading.
+        // The first line can be a title.
         Ok(found) => Ok(found.lines().last().filter(|found| *found != "ok").map(str::to_owned)),
         Err(StoreError::Corrupt(found)) => Ok(Some(found)),
         Err(error) => Err(error.into()),

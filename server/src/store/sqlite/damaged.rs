@@ -14,9 +14,9 @@ use std::path::Path;
 
 /// Copies a file that no server uses, including the content of its log, even if the log continues a
 /// later state of the database. In the copy, b-trees with lost pages are rebuilt over the surviving
-/// rows. The indices of readable tables are rebuilt, too, because damaged indices may miss rows. A log
-/// that is not the file's own is copied beside the copy, and opening the copy then fails. Returns each
-/// loss with its kind, its name and the reason.
+/// rows. The indices of readable tables are rebuilt, too, because damaged indices may miss rows. If
+/// the log does not belong to the file, it is copied beside the copy, and opening the copy fails.
+/// Returns each loss with its kind, its name and the reason.
 ///
 /// # Errors
 /// If the file cannot be copied. The error contains the reason.
@@ -73,7 +73,8 @@ pub fn copy_damaged(
             Ok::<_, io::Error>(applied)
         };
         let mut applied = apply(None)?;
-        // The log's last mark, and the mark that is now in the copy.
+        // The number of frames up to the log's last mark, this mark, and the mark that is now in
+        // the copy.
         let ends = log.as_ref().and_then(|log| Some((log.marked, log.marks.as_ref()?[1].clone())));
         let found = mark::by_sqlite(&copy);
         if let (false, Some((marked, last)), Ok(found)) = (is_damaged, ends, found)

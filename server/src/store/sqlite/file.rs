@@ -21,7 +21,7 @@ pub const LEAST_FREE_BYTES: u64 = 4 << 20;
 const ATTEMPTS: usize = 10;
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// Why a name is refused.
+/// The reason why a name is refused.
 pub(in crate::store) const COMPANION: &str =
     "its name ends with -wal, -shm or -journal, like the files that SQLite keeps beside a database";
 
@@ -63,10 +63,10 @@ impl DatabaseFile {
         Ok(Self::at(Path::new(name)))
     }
 
-    /// Refuses a path that is not a file, and a file that this user must not read. Also refuses a file
-    /// with several names (hard links) if it is opened to be written, or if there is a log under
-    /// another of its names. In these cases, SQLite would only report that it cannot open the file, or
-    /// it would keep one log per name.
+    /// Refuses a path that is not a file, and a file that this user is not allowed to read. Also
+    /// refuses a file with several names (hard links) if it is opened to be written, or if another
+    /// of its names has a log. In these cases, SQLite would only report that it cannot open the
+    /// file, or it would keep one log per name.
     pub(in crate::store) fn check(file: &Path, purpose: Purpose) -> Result<(), OpenError> {
         let refuse = |reason: String| {
             Err(OpenError::Unusable { database: file.display().to_string(), reason })
@@ -99,7 +99,8 @@ impl DatabaseFile {
         }
     }
 
-    /// Whether a file has the name of one that SQLite keeps beside a database, and may overwrite or delete.
+    /// Whether a file has a name that SQLite gives to files beside a database. SQLite can overwrite
+    /// or delete such a file.
     pub(in crate::store) fn is_companion(file: &Path) -> bool {
         let name = file.file_name().unwrap_or_default().as_encoded_bytes();
         ["-wal", "-shm", "-journal"].iter().any(|end| name.ends_with(end.as_bytes()))
@@ -116,13 +117,15 @@ impl DatabaseFile {
         with_end(&self.path.canonicalize().unwrap_or_else(|_| self.path.clone()), end)
     }
 
-    /// Whether the log is not empty. Then a server uses the file, or exited without closing it.
+    /// Whether the log is not empty. In this case, a server uses the file, or exited without
+    /// closing it.
     pub(in crate::store) fn has_log(&self) -> bool {
         std::fs::metadata(&self.log).is_ok_and(|log| log.len() > 0)
     }
 
-    /// Whether the file's log is beside another name (hard link) of the file. Returns `true` if a
-    /// server holds the file's lock, or if another name in the folder has a log.
+    /// Whether the file's log is beside another name (hard link) of the file. This is assumed if
+    /// this name has no log, and a server holds the file's lock or another name in the folder has a
+    /// log.
     pub(in crate::store) fn has_log_of_other_name(&self) -> bool {
         let is_twin = |other: &Self| {
             self.path.file_name() != other.path.file_name()
@@ -135,8 +138,9 @@ impl DatabaseFile {
                 || names.map(|entry| Self::at(&entry.path())).any(|other| is_twin(&other)))
     }
 
-    /// Why SQLite would misinterpret a file beside this one, and what the user can do. SQLite ignores a
-    /// log beside a symbolic link, and applies a rollback journal even if it belongs to another file.
+    /// If SQLite would misinterpret a file beside this one, the reason and advice to the user.
+    /// SQLite ignores a log beside a symbolic link, and applies a rollback journal even if it
+    /// belongs to another file.
     pub(super) fn misleading(&self) -> Option<String> {
         let is_filled = |path: &Path| std::fs::metadata(path).is_ok_and(|file| file.len() > 0);
         let log = with_end(&self.path, "-wal");
@@ -256,9 +260,10 @@ impl DatabaseFile {
         folder.unwrap_or(Path::new("."))
     }
 
-    /// Creates an empty file for a copy in a new private folder beside the file. If there is no
-    /// space or nothing can be written there, the folder is in the system's temporary directory.
-    /// Deletes copies that killed commands left there.
+    /// Creates an empty file for a copy in a new private folder beside the file. If the disk has
+    /// too little space or the folder of the file cannot be written, the new folder is in the
+    /// system's temporary directory. Also deletes copies that killed commands left in the same
+    /// place.
     pub(super) fn new_copy(&self) -> io::Result<Copied> {
         let needed = std::fs::metadata(&self.path)?.len() + LEAST_FREE_BYTES;
         let beside = match self.free_bytes() {
@@ -342,8 +347,8 @@ impl Copied {
     }
 }
 
-/// Whether the part after `sqlite:` is that of a server's address, `//USER@HOST/…` or
-/// `USER:PASSWORD@…`, which may have a password.
+/// Whether the part after `sqlite:` looks like a server's address, `//USER@HOST/…` or
+/// `USER:PASSWORD@…`. Such an address can contain a password.
 fn names_a_host(name: &str) -> bool {
     let part = name.strip_prefix("//").unwrap_or(name).split(['/', '?']).next().unwrap_or("");
     let user = part.rsplit_once('@').map(|(user, _)| user);

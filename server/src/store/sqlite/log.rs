@@ -91,8 +91,8 @@ impl Frames {
         Ok(Some(found))
     }
 
-    /// The first salts that two consecutive frames share and that are not filler bytes. Every frame
-    /// repeats the salts of the header.
+    /// The first salts that two consecutive frames share and whose bytes are not all equal. Every
+    /// frame repeats the salts of the header.
     fn repeated_salts(&mut self) -> io::Result<[u8; 8]> {
         let mut last = [0; 8];
         while read_whole(&mut self.log, &mut self.frame)? {
@@ -157,8 +157,8 @@ impl Index {
     /// Number of slots of a block's hash table.
     const SLOTS: usize = 8192;
 
-    /// Reads an index. Returns `None` if no connection has initialised it, or a concurrent write
-    /// tore its header.
+    /// Reads an index. Returns `None` if no connection has initialised it, or if its header was
+    /// read during a write.
     pub(super) fn read(file: &File, is_whole: bool) -> Option<Self> {
         let length = if is_whole { usize::try_from(file.metadata().ok()?.len()).ok()? } else { 0 };
         let mut bytes = vec![0; length.max(Self::HEADER)];
@@ -233,9 +233,9 @@ pub(super) struct Applied {
     pub(super) lost: u64,
 }
 
-/// Applies the frames that SQLite would read from the log to `to`, a copy of the file. If the log is
-/// damaged, applies every intact frame. `page` is as in [`Frames::open`]. `index` is the log's index,
-/// if it can be read. Frames after the first `until` are left out.
+/// Writes the frames that SQLite would read from the log into `to`, a copy of the file. If the log
+/// is damaged, writes every intact frame. `page` is as in [`Frames::open`]. `index` is the log's
+/// index, if it can be read. Frames after the first `until` are left out.
 pub(super) fn apply(
     log: &Path,
     page: Option<usize>,
@@ -278,10 +278,10 @@ pub(super) fn apply(
     Ok(Applied { length: (pages > 0).then_some(u64::from(pages) * length), lost })
 }
 
-/// If a log has an invalid header, returns whether it begins with a log's first bytes. Then only a part
-/// of its header was lost. Returns `None` if the header is valid, or consists of zeros. SQLite would
-/// delete a log with an invalid header. A power failure can leave zeros, but no other incomplete
-/// header, because SQLite writes the header at once.
+/// If a log has an invalid header, returns whether it begins with a log's first bytes. In this
+/// case, only a part of its header was lost. Returns `None` if the header is valid, or consists of
+/// zeros. SQLite would delete a log with an invalid header. A power failure can leave zeros, but no
+/// other incomplete header, because SQLite writes the header in one piece.
 pub(super) fn strange_header(log: &Path) -> io::Result<Option<bool>> {
     let strange = || {
         let mut header = Vec::new();

@@ -89,14 +89,15 @@ pub(super) struct Place {
 /// version without marks.
 pub(super) fn of_file(file: &DatabaseFile) -> Result<Option<(Mark, Place)>> {
     match by_sqlite(file) {
-        // During a checkpoint, and after a crash during one, SQLite can read the file only together
-        // with its log.
+        // During a checkpoint, and after a crash during a checkpoint, SQLite can read the file only
+        // together with its log.
         Err(error) => Ok(Some(by_bytes(file).ok().flatten().ok_or(error)?)),
         found => found,
     }
 }
 
-/// The mark on a page that has a mark and nothing else, if there is exactly one such page.
+/// Searches the file for pages that contain a mark and nothing else. Returns the mark if there is
+/// exactly one such page.
 pub(super) fn by_bytes(file: &DatabaseFile) -> io::Result<Option<(Mark, Place)>> {
     // Closing any handle of a file releases SQLite's locks on it, so this handle stays open.
     static OPEN: Mutex<Vec<(Identity, File)>> = Mutex::new(Vec::new());
@@ -166,7 +167,8 @@ pub(super) fn page_length(mut file: &File) -> Option<usize> {
         1 => 65_536,
         length => usize::from(length),
     };
-    // The number of pages shows that the size is damaged.
+    // If the file's length fits the number of pages only with the default page size, the stored
+    // page size is damaged.
     let (pages, all) = (u64::from(number(&head[28..])), file.metadata().ok()?.len());
     if pages * length as u64 != all && pages * PAGE as u64 == all {
         return Some(PAGE);
@@ -188,20 +190,22 @@ pub(super) struct Log {
     /// Whether a mark does not follow the mark before it, because another program wrote another
     /// database into this one.
     is_broken: bool,
-    /// The first mark on another page than the file's mark. The log then belongs to another database
-    /// or to a copy of this one, or has a VACUUM, which arranges the pages otherwise.
+    /// The first mark on a page other than the page of the file's mark. Such a log belongs to
+    /// another database or to a copy of this one, or contains a VACUUM, which rearranges the pages.
     elsewhere: Option<Mark>,
     /// Whether the schema has a later version in the log than in the file, as after VACUUM.
     is_rearranged: bool,
     /// Number of transactions that SQLite would apply.
     commits: usize,
-    /// Number of frames that SQLite would read. `None` unless SQLite would lose further frames. It
-    /// loses frames if later transactions follow, or if the log's index has more or different frames.
+    /// If SQLite would lose frames at the end of the log, the number of frames that it would read.
+    /// It loses frames if transactions follow a damaged frame, or if the log's index has more or
+    /// different frames.
     cut: Option<u64>,
 }
 
 impl Log {
-    /// Whether no mark shows that the log belongs to another place of the mark.
+    /// Whether the log can belong to a file with its mark at this place. Returns `false` if the log
+    /// has marks only on other pages.
     pub(super) fn is_of_place(&self) -> bool {
         self.marks.is_some() || self.elsewhere.is_none()
     }
@@ -332,7 +336,7 @@ fn unlike(file: &DatabaseFile, index: impl Fn() -> Option<Index>) -> io::Result<
             continue;
         }
         // A server may be writing a frame during the read. Therefore a cut counts only if two reads
-        // find it at the same frame. A server writes no frame twice.
+        // find it at the same frame. A server never writes the same frame twice.
         if log.cut.is_none() || before == Some((log.salts, log.cut)) {
             return Ok(compare(found.map(|(mark, _)| mark).as_ref(), &log));
         }
@@ -371,15 +375,15 @@ pub(super) fn count(db: &Connection, changes: i64) -> Result<Option<Mark>> {
     let text = db.query_row(&counted, [changes], |row| row.get::<_, String>(0)).optional()?;
     let has_changed = "SELECT total_changes() > $1";
     match text.and_then(|text| Mark::find(text.as_bytes())) {
-        // There is no mark to count the commit in.
+        // The commit cannot be counted, because the mark is missing.
         None if db.query_row(has_changed, [changes], |row| row.get(0))? => Err(Error::NoRow),
         mark => Ok(mark),
     }
 }
 
-/// Whether another program wrote another database into this one, with its mark on another page or
-/// without a mark. Then the mark that SQLite finds when it applies the log cannot follow the log's last
-/// mark.
+/// Whether another program wrote a different database into this one, with a mark on a different
+/// page or without a mark. In this case, the mark that SQLite finds when it applies the log cannot
+/// follow the log's last mark.
 pub(super) fn is_replaced(file: &DatabaseFile, db: &Connection) -> Result<bool> {
     let of = of_file(file).ok().flatten();
     let log = Log::read(file.log(), of.as_ref(), None).ok().flatten();
@@ -402,7 +406,7 @@ fn compare(file: Option<&Mark>, log: &Log) -> Option<Misplaced> {
     replaced.or_else(|| strange(file, log)).or_else(|| log.cut.map(|_| Misplaced::Damaged))
 }
 
-/// The mismatch between a file and a log that is not its own, if any.
+/// The mismatch between the marks of a file and of a log, if the log does not belong to the file.
 fn strange(file: Option<&Mark>, log: &Log) -> Option<Misplaced> {
     let Some([first, last]) = &log.marks else {
         if file.zip(log.elsewhere.as_ref()).is_some_and(|(file, mark)| {

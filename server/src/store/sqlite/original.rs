@@ -1,4 +1,4 @@
-//! Checks that the file that was opened is still in place and has the content that SQLite wrote.
+//! Checks that the file that was opened is still at its path and has the content that SQLite wrote.
 //!
 //! SQLite does not notice when another process deletes, moves, replaces, overwrites or truncates
 //! its open file. So this is checked before each read, before and after each commit, and regularly
@@ -25,7 +25,8 @@ use std::time::{Duration, SystemTime};
 pub(super) struct Original {
     file: DatabaseFile,
     identity: Identity,
-    /// It stays open until the end, because closing any handle of the file releases SQLite's locks on it.
+    /// This handle stays open until the end, because closing any handle of the file releases
+    /// SQLite's locks on it.
     handle: File,
     mark: Mutex<Option<(String, Place)>>,
     /// The highest number of commits seen in the file without its log, and the greatest length of
@@ -38,7 +39,7 @@ pub(super) struct Original {
     written: Mutex<Looked>,
     /// Whether the file must be checked for damage.
     is_suspected: AtomicBool,
-    /// Whether the other process also overwrote data that may exist nowhere else.
+    /// Whether the process that changed the content also overwrote data that may exist nowhere else.
     is_overwritten: AtomicBool,
     /// The mark after the last commit of this process.
     last: Mutex<Option<Mark>>,
@@ -61,7 +62,7 @@ pub(super) struct Original {
     goes_elsewhere: AtomicBool,
     /// The rescued copy, while the file is not usable.
     rescued: Mutex<Option<PathBuf>>,
-    /// Why the file could not be used when the writer ended, if its data were not rescued.
+    /// The reason why the file could not be used when the writer ended, if its data were not rescued.
     lost: OnceLock<StoreError>,
 }
 
@@ -76,8 +77,8 @@ struct Seen {
     length: u64,
 }
 
-/// When a file was last written to, and how many frames of the log checkpoints had copied into it by
-/// then. A checkpoint changes both values.
+/// When a file was last written to, and how many frames of the log checkpoints had copied into it
+/// until that time. A checkpoint changes both values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Written {
     at: SystemTime,
@@ -85,12 +86,12 @@ struct Written {
     frames: u32,
 }
 
-/// State of the checks for in-place writes by other processes.
+/// State of the checks for writes that other processes make directly to the file.
 #[derive(Debug, Default)]
 struct Looked {
     last: Option<Written>,
-    /// Whether the file was written to without a checkpoint. Another process may be about to record
-    /// a checkpoint.
+    /// Whether the file was written to without a checkpoint. In this case, another process may be
+    /// about to record a checkpoint.
     is_odd: bool,
 }
 
@@ -275,7 +276,7 @@ impl Original {
         self.check()?;
         let known = *self.companions.lock().unwrap_or_else(PoisonError::into_inner);
         if known.is_some_and(|known| known != self.file.companions()) {
-            // A connection that has both open can still read everything.
+            // A connection that has the log and its index open can still read everything.
             return Err(self.gone(
                 "separated from its write-ahead log or the log's index (-wal, -shm), which was deleted, moved or replaced",
             ));
@@ -391,9 +392,9 @@ impl Original {
     }
 
     /// Makes SQLite check a served file for damage once at the start, and again after another
-    /// process has written to the file in place.
+    /// process has written directly to the file.
     pub(super) fn check_in_place(&self) {
-        // SQLite would delete the log of a file that was emptied.
+        // This check comes first, because SQLite would delete the log of a file that was emptied.
         if self.check_with_log().is_err() {
             return;
         }

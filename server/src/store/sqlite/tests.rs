@@ -16,7 +16,8 @@ async fn write<T: Send + 'static>(
     result_of(None, once(work), async |operation| db.write(Lane::Request, operation)).await
 }
 
-/// After a disk error, the writer closes its connection, so it has none open when the file is deleted.
+/// After a disk error, the writer closes its connection. So it has no open connection when the file
+/// is deleted.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_deleted_file_is_rescued_through_a_reader() {
     let folder = tempfile::tempdir().unwrap();
@@ -247,8 +248,8 @@ async fn damage_of_a_log_is_told_from_a_power_cut() {
     };
     assert_eq!(misplaced("whole.db", 0, 0), None);
     assert_eq!(misplaced("cut.db", length - 2_000, 2_000), None);
-    // After a killed process, its index remains. After a power failure, the index is never ahead of the
-    // log.
+    // When a process is killed, its index remains. After a power failure, the index is never ahead
+    // of the log.
     assert_eq!(misplaced("told.db", 0, 0), None);
     for (name, at, bytes) in [
         ("cut and told.db", length - 2_000, 2_000),
@@ -293,14 +294,15 @@ async fn an_older_index_is_noticed_before_a_read() {
     db.close();
 }
 
-/// What another program's VACUUM does to a file, or to a copy of it.
+/// Runs VACUUM like another program, on a file or into a copy of it.
 fn vacuum(file: &DatabaseFile, into: Option<&DatabaseFile>) {
     let db = connection::writing(file.path()).unwrap();
     let into = into.map_or(String::new(), |to| format!(" INTO '{}'", to.path().display()));
     db.batch(&format!("VACUUM{into}")).unwrap();
 }
 
-/// `VACUUM INTO` of another program copies the mark, but arranges the pages otherwise.
+/// When another program runs `VACUUM INTO`, the copy has the same mark, but its pages are arranged
+/// differently.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_log_is_not_applied_to_a_vacuumed_copy() {
     for is_on_the_same_page in [true, false] {
@@ -328,7 +330,7 @@ async fn a_log_is_not_applied_to_a_vacuumed_copy() {
     }
 }
 
-/// The mark is then on another page in the file than in the log.
+/// After the VACUUM, the mark is on different pages in the file and in the log.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_log_that_begins_with_a_vacuum_is_the_files_own() {
     let folder = tempfile::tempdir().unwrap();

@@ -247,13 +247,15 @@ impl<'a> Pages<'a> {
         }
     }
 
-    /// Repairs damaged bytes of the header without which SQLite does not read the file.
+    /// Repairs damaged bytes of the file header. SQLite does not read a file in which these bytes
+    /// are wrong.
     fn mend_header(&self) -> io::Result<()> {
         let mut header = [0; HEADER];
         self.file.read_exact_at(&mut header, 0)?;
         let found = header;
         self.set_constants(&mut header);
-        // If nothing of the header is left, the loss of the whole page is repaired later.
+        // If the first bytes of the header are damaged, too, the whole page counts as lost and is
+        // repaired later.
         if found == header || !found.starts_with(MAGIC) {
             return Ok(());
         }

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 /// Interval between the regular checks.
 const WATCH: Duration = Duration::from_millis(250);
 
-/// Every n-th check reads the whole log, if the log was written to.
+/// One of this many checks reads the whole log, if the log was written to.
 const READ_LOG: usize = 3;
 
 /// Pause before a failed rescue is retried.

@@ -18,7 +18,8 @@ use std::thread::JoinHandle;
 /// Number of pages in the log that triggers a checkpoint.
 const LONG: i64 = 4_000;
 
-/// Number of pages at which the writer no longer waits for the thread.
+/// Number of pages in the log at which the writer runs a checkpoint itself instead of starting the
+/// thread.
 const TOO_LONG: i64 = 10 * LONG;
 
 /// At most this many pages are left to the writer.
@@ -30,7 +31,7 @@ const MOST_ROUNDS: usize = 8;
 /// Who runs the next checkpoint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turn {
-    /// Nobody, because the log is short or was left as it is.
+    /// Nobody. The next checkpoint begins when the log has reached the length `due`.
     Nobody,
     Thread,
     /// The writer, because only few pages are left.
@@ -87,7 +88,7 @@ impl WriteBack {
             }
         } else if is_due && let Some(begin) = &self.begin {
             self.due = pages.saturating_add(LONG);
-            // The turn is set first, because the other thread may finish before this thread continues.
+            // `turn` is set first, because the other thread may finish before this thread continues.
             set(&self.turn, Turn::Thread);
             if begin.try_send(()).is_err() {
                 set(&self.turn, Turn::Nobody);

@@ -162,7 +162,7 @@ impl Store {
     /// Like [`Self::trials_of`], but returns an error with the id for each trial that cannot be read.
     ///
     /// # Errors
-    /// [`StoreError`] if even their ids cannot be read.
+    /// [`StoreError`] if even the ids of the trials cannot be read.
     pub async fn each_trial_of(
         &self,
         participant_id: &str,

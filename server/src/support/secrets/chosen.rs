@@ -22,10 +22,10 @@ const SHORTEST: usize = 16;
 
 /// A key chosen by an experimenter, or its Argon2 hash.
 ///
-/// A chosen key might be guessed, so its hash is slow. A server's configuration, such as a unit file,
-/// can contain the hash instead of the key. Each comparison with the hash takes processor time and 19
-/// MiB. Once the correct key has been presented, comparisons use a fast digest that includes random
-/// bits of this process. The digest is never stored.
+/// A chosen key might be guessed, so its hash is slow. A server's configuration, such as a unit
+/// file, can contain the hash instead of the key. Each comparison with the hash takes processor
+/// time and 19 MiB of memory. Once the correct key has been presented, comparisons use a fast
+/// digest that includes random bits of this process. The digest is never stored.
 #[derive(Clone, Debug)]
 pub struct ChosenKey(Arc<Parts>);
 
@@ -44,8 +44,7 @@ impl ChosenKey {
     /// Parses a key or a hash.
     ///
     /// If the text is neither a valid key nor a valid hash, the error contains the expected and the
-    /// found text. Also fails if the system provides no random numbers. The expected and the found
-    /// text, if the text is neither; or if the system provides no random numbers.
+    /// found text. Also fails if the system provides no random numbers.
     pub fn of(text: &str) -> Result<Self, String> {
         let salt = random().map_err(|error| error.to_string())?;
         // If a hash in quotes were accepted as a key, anyone who can read the unit file could sign

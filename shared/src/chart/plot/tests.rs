@@ -48,7 +48,7 @@ fn nothing_is_drawn_outside_of_the_frame() {
         }
     }
     assert!(points.len() > 100 && points.iter().all(|point| frame().holds(*point)));
-    // Both marks and a cell were outside.
+    // The two marks of the line and one of the cells are outside, so they are not drawn.
     assert_eq!(drawing.shapes.len(), 4);
 }
 

@@ -41,8 +41,8 @@ impl Problem<'_> {
         let settings = BoostingSettings::default();
         let (model, chosen) =
             boosting::fit_by_folds(&samples, &self.split.folds, depths, &settings)?;
-        // The log loss chooses the depth and the number of rounds. The table shows the accuracy of
-        // the chosen settings, which is computed here.
+        // The depth and the number of rounds were chosen by the log loss. The table also needs the
+        // accuracy of this setting, so its models are trained once more.
         let settings = BoostingSettings { depth: chosen.depth, rounds: chosen.rounds, ..settings };
         let again = |rows: &Rows| -> Result<Vec<(Scale, usize, Boosted)>, Invalid> {
             let (scale, values) = Scale::standardised(self.width(), &rows.values);

@@ -138,8 +138,8 @@ impl Growing<'_> {
         place as u32
     }
 
-    /// Histograms of the two children, or at least of the children that may be split. Consumes the
-    /// parent's histogram.
+    /// Computes the histogram of each child that can be split. The smaller child also gets a
+    /// histogram if only the larger child can be split. Consumes the parent's histogram.
     fn children(
         &mut self,
         left: &[u32],
@@ -301,7 +301,7 @@ mod tests {
 
             let mut leaves = vec![usize::MAX; rows];
             let mut grower = Grower::new(Limits { depth, leaf });
-            // Grow twice, because buffers are reused.
+            // Grow the tree twice, to test the reuse of buffers.
             grower.grow(&cut, &newton, &mut leaves);
             let grown = grower.grow(&cut, &newton, &mut leaves);
             assert_eq!(leaves, expected_leaves);

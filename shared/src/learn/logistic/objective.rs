@@ -237,8 +237,8 @@ impl Kernel for Pass<'_, '_> {
 }
 
 impl Scratch {
-    /// Returns the loss of some rows of two classes, given their scores. Also computes gradients
-    /// and Hessians.
+    /// Returns the loss of a chunk of rows if there are two classes, given the scores of the rows.
+    /// Also computes gradients and Hessians.
     #[inline(always)]
     fn of_two(&mut self, labels: &[usize], wanted: &[f64]) -> f64 {
         let rows = wanted.len();

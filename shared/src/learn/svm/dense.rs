@@ -45,7 +45,7 @@ pub(super) struct Dense<T> {
 }
 
 impl<T: Entry> Dense<T> {
-    /// No variables.
+    /// A problem without variables.
     pub(super) fn new() -> Self {
         Self {
             variables: Vec::new(),

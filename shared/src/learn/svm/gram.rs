@@ -183,7 +183,8 @@ impl<T: Entry> Gram<T> {
         self.kernel.row(i, self.blocks())
     }
 
-    /// Computes row `i` into `out` without caching it. Only its squared distances may be cached.
+    /// Computes row `i` into `out` without caching it. The row's squared distances are still cached
+    /// if several γ are used.
     pub(super) fn row_into(&mut self, i: usize, out: &mut [Block<T>]) {
         let Self { width, gamma, data, by_block, squares, .. } = self;
         let row = &data[i * *width..(i + 1) * *width];
@@ -198,7 +199,7 @@ impl<T: Entry> Gram<T> {
         Fresh { gamma: *gamma, i, row, by_block, squares, out }.run();
     }
 
-    /// A matrix of the inner products of all rows, in place of the kernel.
+    /// A matrix of the inner products of all rows, instead of kernel values.
     #[cfg(test)]
     pub(super) fn of_products(width: usize, data: &[f64]) -> Self {
         let mut gram = Self::empty(false);
@@ -308,7 +309,7 @@ impl<T: Entry> Kernel for Combine<'_, T> {
 
 /// Number of adjacent blocks of coefficients that are stored or omitted together.
 const GROUP: usize = 4;
-/// Number of rows that are multiplied at once, so that each coefficient is read only once for all
+/// Number of rows that are multiplied together, so that each coefficient is read only once for all
 /// of these rows.
 pub(super) const TOGETHER: usize = 4;
 

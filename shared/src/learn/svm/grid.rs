@@ -1,4 +1,4 @@
-//! Cross-validation of many settings at once.
+//! Cross-validation of many settings in one pass.
 //!
 //! Within a fold, all γ share the squared distances. All C, pairs of classes, targets and held-out
 //! rows share the kernel matrix of a γ. Each fit starts from the solution for the previous C.
@@ -71,7 +71,7 @@ impl Grid {
 pub struct GridCell {
     /// The kernel.
     pub kernel: Kernel,
-    /// C.
+    /// The value of C.
     pub c: f64,
     /// The share of held-out rows whose label is predicted correctly (by votes). There is one entry
     /// per fold, in ascending order of fold numbers.
@@ -222,7 +222,7 @@ fn planes(
     Ok(())
 }
 
-/// The constant decision value if one of the two sides, or both, do not occur.
+/// The constant decision value if at least one of the two sides does not occur.
 fn constant(sides: &[i8]) -> Option<f64> {
     match (sides.contains(&1), sides.contains(&-1)) {
         (true, true) => None,
@@ -240,7 +240,7 @@ struct Radial<'a> {
     grid: &'a Grid,
 }
 
-/// A solution, or the constant decision value if not both sides occur.
+/// A solution, or the constant decision value if at least one side does not occur.
 type Trained = Result<DualSolution, f64>;
 
 impl Radial<'_> {

@@ -7,13 +7,13 @@
 //! 2002, "Interior-point methods for massive support vector machines").
 //!
 //! A predictor step and a corrector step choose μ (Mehrotra 1992). The corrector assumes that the
-//! full step is feasible. If only a small fraction of the step is feasible, the iteration may cycle
+//! full step is feasible. If only a small fraction of the step is feasible, the iteration can cycle
 //! (Cartis 2009, "Some disadvantages of a Mehrotra-type primal-dual corrector interior point
 //! algorithm for linear programming"). Therefore, once a step has not reduced the sum of the
-//! products, all later steps are *plain*. A plain step has no corrector. It is short enough to stay
-//! in a neighbourhood of the central path, which is chosen to contain the current point. In this
-//! neighbourhood, plain steps always reduce the sum (Wright 1997, "Primal-dual interior-point
-//! methods", chapter 5).
+//! products, all later steps are *plain*. A plain step has no corrector, and it is short enough to
+//! stay in a neighbourhood of the central path. The neighbourhood is chosen so that it contains the
+//! current point. Inside it, plain steps always reduce the sum (Wright 1997, "Primal-dual
+//! interior-point methods", chapter 5).
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -26,9 +26,9 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 const SHARE: f64 = 0.995;
 /// Plain steps aim at a mean product in this range, as a fraction of the current mean product.
 const PLAIN_CENTRE: (f64, f64) = (0.1, 0.8);
-/// Plain steps keep every product at or above this fraction of the mean product. If a product is
-/// already lower when plain steps begin, the limit is set slightly below the fraction of this
-/// product. Otherwise, there might be no plain step.
+/// Plain steps keep every product at or above this fraction of the mean product. If the smallest
+/// product is already below this limit when plain steps begin, the limit is lowered to slightly
+/// below the smallest product. Otherwise, there might be no plain step.
 const NEIGHBOURHOOD: f64 = 1e-4;
 /// Plain steps reduce the sum of products by at least this fraction, times the step length.
 const DECREASE: f64 = 0.01;
@@ -201,8 +201,8 @@ impl Kernel for Fit<'_> {
             let (longest, curvature) = state.turn(&step);
             let share = longest.min(1.0);
             let reached = ((1.0 - share) * gap + share * share * curvature).max(0.0) / gap;
-            // The corrector step has second-order terms. It centres more if the predictor step was
-            // shorter.
+            // The corrector step has second-order terms. The less progress the predictor step made,
+            // the more the corrector step aims at the central path.
             let centre = reached * reached * reached;
             if neighbourhood.is_some() {
                 let (least, most) = PLAIN_CENTRE;
@@ -361,8 +361,8 @@ impl State {
     }
 
     /// Whether a step with this share of the changes keeps every product at or above
-    /// `neighbourhood` times the mean product. The step must also sufficiently reduce the sum of
-    /// products, now `gap`.
+    /// `neighbourhood` times the mean product, and sufficiently reduces the sum of products. `gap`
+    /// is the sum before the step.
     fn stays_in(&self, neighbourhood: f64, share: f64, gap: f64) -> bool {
         let (mut least, mut sum) = (f64::INFINITY, 0.0);
         for (b, row) in self.rows.iter().enumerate() {

@@ -2,8 +2,8 @@
 //!
 //! If the variables at a bound are known, the optimum of the free variables solves a linear system:
 //! K Δ + λ 1 = v and Σ Δ = 0. Pairwise steps converge slowly if K is nearly singular (large C,
-//! small γ). But then few variables are free, so the system is small. Moving by any fraction of Δ
-//! from 0 to 1 never worsens the objective.
+//! small γ). But in this case few variables are free, so the system is small. Moving by any
+//! fraction of Δ from 0 to 1 never worsens the objective.
 
 use super::dense::Dense;
 use super::gram::{Entry, LANES, entry};
@@ -13,7 +13,8 @@ use super::gram::{Entry, LANES, entry};
 const LEAST_PIVOT: f64 = 1e-7;
 /// Rows are padded to a multiple of this.
 const WIDTH: usize = 8;
-/// Maximum number of successive Newton steps that end at a bound. Then pairwise steps continue.
+/// Maximum number of successive Newton steps that end at a bound. After these, pairwise steps
+/// continue.
 const BOUNDS: usize = 4;
 
 /// A Cholesky factor and vectors, with reusable memory.
@@ -31,7 +32,8 @@ pub(super) struct Newton {
 }
 
 impl Newton {
-    /// Moves the free variables to their optimum. Gives up after [`BOUNDS`] bounds on the way.
+    /// Moves the free variables to their optimum. Gives up after [`BOUNDS`] moves that each end at
+    /// a bound.
     #[inline(always)]
     pub(super) fn step<T: Entry>(&mut self, dense: &mut Dense<T>) {
         for _ in 0..BOUNDS {

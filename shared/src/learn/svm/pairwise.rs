@@ -1,5 +1,5 @@
 //! Sequential minimal optimisation (SMO) on a small dense problem. Training spends most of its time
-//! here.
+//! in this module.
 //!
 //! In terms of β_i = y_i α_i, the dual problem is to maximise Σ y_i β_i − ½ βᵀKβ subject to
 //! Σ β_i = 0, with β_i between 0 and y_i C. Its gradient is v_i = y_i − Σ_j K_ij β_j. A step raises
@@ -39,8 +39,8 @@ impl<T: Entry> Kernel for Pairwise<'_, T> {
         let Self { dense, newton, tolerance, steps } = self;
         while *steps > 0 {
             // Pairwise steps determine which variables are at a bound. Then a Newton step solves
-            // for the other variables. The budget lets pairwise steps take slightly longer than
-            // this Newton step.
+            // for the other variables. The budget limits the pairwise steps to slightly more time
+            // than this Newton step takes.
             let free = dense.variables.iter().filter(|variable| variable.is_free()).count();
             let budget = 4 * dense.variables.len() + free * free * free / 1000;
             if exchange(dense, tolerance, budget.min(*steps), steps) {

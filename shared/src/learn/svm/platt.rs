@@ -7,8 +7,8 @@
 use crate::math::{exp, ln};
 use crate::predict::svm::Sigmoid;
 
-/// Added to the Hessian's diagonal, because the Hessian is singular if decision values are
-/// constant.
+/// This number is added to the Hessian's diagonal, because the Hessian is singular if all decision
+/// values are equal.
 const RIDGE: f64 = 1e-12;
 /// Newton's method ends when no component of the gradient exceeds this times the number of decision
 /// values.

@@ -1,9 +1,9 @@
 //! Solves the dual problem of one pair of classes on a kernel matrix, through small problems.
 //!
-//! Most variables stay at a bound. Therefore, steps are taken in a small problem, which is a dense
-//! copy of the few other rows ([`Pairwise`]). Then the gradients of all rows are updated, and the
-//! rows that violate the optimality conditions most join the small problem. This repeats until no
-//! row violates the conditions. For the next C, the solution for the previous C is multiplied by
+//! Most variables stay at a bound. Therefore, steps change only a few variables, in a small problem
+//! with a dense copy of their rows ([`Pairwise`]). Then the gradients of all rows are updated, and
+//! the rows that violate the optimality conditions most join the small problem. This repeats until
+//! no row violates the conditions. For the next C, the solution for the previous C is multiplied by
 //! the ratio of the two values, so that variables at a bound stay at the bound.
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
@@ -16,11 +16,14 @@ use crate::invalid::Invalid;
 use crate::parallel::{Kernel, in_widest_lanes};
 use core::ops::Range;
 
-/// Maximum number of rows of each kind (to rise or to fall) that join the small problem at once.
+/// Maximum number of rows of each kind (to rise or to fall) that join the small problem in one
+/// round.
 const JOIN: usize = 24;
-/// If the small problem has at least this many rows, settled rows leave it when other rows join.
+/// If the small problem has at least this many rows, settled rows leave it when other rows join. A
+/// row is settled if its variable is at a bound and the gradient pushes it against this bound.
 const FULL: usize = 48;
-/// The small problem is solved only to this fraction of the current gap, because it will change.
+/// The small problem is solved only to this fraction of the current gap, because other rows will
+/// join it.
 const SHARE: f64 = 0.1;
 
 /// The SVM of a pair. Its decision value is f = Σ β_i K(x_i, x) + intercept.
@@ -48,7 +51,7 @@ pub(super) struct Smo<'a, T> {
     newton: Newton,
 }
 
-/// Arrays by row.
+/// Arrays with one entry per row.
 struct Rows {
     beta: Vec<Block<f64>>,
     /// v_i = y_i − Σ K_ij β_j.
@@ -62,7 +65,8 @@ struct Rows {
 impl<'a, T: Entry> Smo<'a, T> {
     /// The problem for this C and for rows with `sides` 1 or −1 (both must occur) or 0 (ignored).
     /// `start` is the solution of a similar problem with the same sides and C. If it is `None`, all
-    /// rows of the smaller class, and equally many rows of the other class, start at the bound.
+    /// rows of the smaller class, and equally many rows of the other class, start at the bound
+    /// |β| = C.
     pub(super) fn new(
         gram: &'a mut Gram<T>,
         sides: &'a [i8],
@@ -239,7 +243,8 @@ impl<'a, T: Entry> Smo<'a, T> {
         most
     }
 
-    /// Adds rows to the small problem. If it is full, they first replace settled rows.
+    /// Adds rows to the small problem. If it has at least [`FULL`] rows, the new rows first replace
+    /// settled rows.
     fn join(&mut self, rows: &[usize], middle: f64) {
         let mut rows = rows.iter().copied();
         if self.members.len() >= FULL {
@@ -310,7 +315,7 @@ impl<'a, T: Entry> Smo<'a, T> {
 }
 
 /// Puts all rows of the smaller class, and equally many evenly spread rows of the other class, at
-/// the bound.
+/// the bound |β| = C.
 fn balanced(sides: &[i8], c: f64) -> Vec<Block<f64>> {
     let count = |side: i8| sides.iter().filter(|&&s| s == side).count();
     let wanted = count(1).min(count(-1));

@@ -20,9 +20,9 @@ fn clouds(seed: u64, count: usize, width: usize) -> (Vec<f64>, Vec<i8>) {
     (rows, sides)
 }
 
-/// By how much a solution violates the optimality conditions, recomputed from scratch. Returns the
-/// greatest gradient among variables that can rise, minus the least gradient among variables that
-/// can fall, and |Σ β|.
+/// Measures how far a solution violates the optimality conditions, recomputed from scratch. Returns
+/// the greatest gradient among variables that can rise, minus the least gradient among variables
+/// that can fall, and |Σ β|.
 fn breach<T: Entry>(gram: &Gram<T>, sides: &[i8], solution: &DualSolution, c: f64) -> (f64, f64) {
     let (mut top, mut bottom) = (f64::NEG_INFINITY, f64::INFINITY);
     let mut total = 0.0;
@@ -142,8 +142,8 @@ fn conditions_of_the_optimum_hold_for_linear_svms() {
     }
 }
 
-/// With few rows and nearly dependent features, full corrector steps may cycle. They do so in the
-/// first three cases.
+/// With few rows and nearly dependent features, the iteration with full corrector steps can cycle.
+/// It does so in the first three cases.
 #[test]
 fn linear_svms_do_not_go_in_circles() {
     let check = |seed, count, width, c| {

@@ -12,7 +12,7 @@ use crate::predict::tree::{DEEPEST, Node};
 const MOST_ROWS: usize = 1 << 21;
 
 /// Values that differ by at most this are never separated, as in scikit-learn. In single precision,
-/// adding this to a large value has no effect, so among large values only equal ones stay together.
+/// adding this to a large value has no effect, so large values are separable unless they are equal.
 const CLOSE: f32 = 1e-7;
 
 /// A split criterion. Its results must depend only on sets of rows, not on their order.
@@ -304,7 +304,8 @@ fn best_splits<C: Criterion>(
     best
 }
 
-/// Returns one side of the split. Each list of `rows` entries contributes `kept` entries.
+/// Returns the entries of one side of the split. `entries` consists of one list of `rows` entries
+/// per column, and `kept` entries of each list are on this side.
 fn part(entries: &[Entry], goes_left: &[bool], left: bool, rows: usize, kept: usize) -> Vec<Entry> {
     // The vector has one spare slot, because entries of the other side are also written and then
     // overwritten. This is cheaper than a branch.

@@ -39,7 +39,7 @@ pub(super) fn couple(pairwise: &[f64], out: &mut [f64]) {
     solve(&mut system, k + 1);
     let mut total = 0.0;
     for (class, p) in out.iter_mut().enumerate() {
-        // Rounding errors may make the probability of an impossible class slightly negative.
+        // Rounding errors can make the probability of an impossible class slightly negative.
         *p = system[class * stride + k + 1].max(0.0);
         total += *p;
     }

@@ -12,7 +12,8 @@ pub(crate) fn exp64(x: f64) -> f64 {
     // exact.
     const LN2_HIGH: f64 = 6.931_471_803_691_238e-1;
     const LN2_LOW: f64 = 1.908_214_929_270_587_7e-10;
-    // Adding this number rounds to an integer and moves this integer to the lowest bits.
+    // Adding this number to a value rounds the value to an integer, which is then in the lowest
+    // bits of the sum.
     const ROUND: f64 = 6_755_399_441_055_744.0;
     const TAYLOR: [f64; 14] = [
         1.0 / 6_227_020_800.0,

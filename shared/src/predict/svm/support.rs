@@ -3,8 +3,8 @@
 use super::exponential::exp64;
 use crate::parallel::{Kernel, in_widest_lanes};
 
-/// Number of support vectors in a block. Each lane has its own sum, and the lanes are then added in
-/// order, so the processor's SIMD width has no effect on the result.
+/// Number of support vectors in a block. Each lane has its own sum, and the sums of the lanes are
+/// added in order, so the processor's SIMD width has no effect on the result.
 const LANES: usize = 8;
 
 type Lanes = [f64; LANES];

@@ -41,7 +41,7 @@ fn votes_prefer_the_first_class() {
     assert_eq!(vote(2, [0.0]), 1);
     assert_eq!(vote(3, [1.0, 1.0, -1.0]), 0);
     assert_eq!(vote(3, [-1.0, 1.0, 1.0]), 1);
-    // One vote each: 0 beats 1, 1 beats 2, 2 beats 0.
+    // Each class gets one vote: 0 beats 1, 1 beats 2, 2 beats 0.
     assert_eq!(vote(3, [1.0, -1.0, 1.0]), 0);
     assert_eq!(vote(3, [-1.0, 1.0, -1.0]), 0);
 }

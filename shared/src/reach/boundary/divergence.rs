@@ -112,8 +112,8 @@ impl Neighbours {
         };
         let bridge = |from: f64, to: f64, points: &mut Vec<Complex<f64>>| {
             let nearer = Self { first: close.between(from), last: close.between(to), at: close.at };
-            // If `close.at` is not earlier, the extremals diverge at once, and the next search would
-            // not advance.
+            // If `close.at` is not earlier, the extremals diverge immediately, and the next search
+            // would not advance.
             if close.at < self.at && divergences > 0 {
                 nearer.bridge(paths, tolerance, divergences - 1, (points, budget));
             }

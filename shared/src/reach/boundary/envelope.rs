@@ -80,7 +80,8 @@ impl Envelope {
     }
 }
 
-/// Whether `run` is below `base` at any vertex of either. Most runs are not, and need not be merged.
+/// Whether `run` is below `base` at any vertex of the two curves. Most runs are not, and need not be
+/// merged.
 fn reaches_below(base: &[Complex<f64>], run: &[Complex<f64>]) -> bool {
     let (low, high) = (run[0].im, run[run.len() - 1].im);
     let first = base.partition_point(|point| point.im < low);
@@ -107,7 +108,7 @@ fn reaches_below(base: &[Complex<f64>], run: &[Complex<f64>]) -> bool {
 fn merge(base: &[Complex<f64>], run: &[Complex<f64>], merged: &mut Vec<Complex<f64>>) {
     let (low, high) = (run[0].im, run[run.len() - 1].im);
     let (mut b, mut r) = (0, 0);
-    // The last y at which both are defined, and x of `run` minus x of `base` there.
+    // The last y at which both curves are defined, and x of `run` minus x of `base` there.
     let mut previous: Option<(f64, f64)> = None;
     while b < base.len() {
         let y = if r < run.len() { base[b].im.min(run[r].im) } else { base[b].im };

@@ -23,7 +23,7 @@ pub(super) struct Costate {
     facing: Complex<f64>,
     /// The remaining displacement, in the frame rotated by θ (s of travel).
     pub(super) rest: Complex<f64>,
-    /// Number of switches between the bounds from here to the end.
+    /// Number of switches between the bounds from this instant to the end.
     pub(super) switches: usize,
     /// The bound that the rate takes just after this instant. It is `Side::Straight` at the end, and
     /// before a straight arc.
@@ -31,9 +31,9 @@ pub(super) struct Costate {
     /// The switch traced last, which is the earliest in time.
     switch: Switch,
     /// The smallest second variation so far, at most 0. Two neighbouring switches can be shifted so
-    /// that the end stays on its line along θ. This moves the end back by at least the second variation
-    /// (times the square of the shift). If it is negative, the path is not even locally the farthest on
-    /// this line.
+    /// that the end stays on its line along θ. This shift moves the end back by at least the second
+    /// variation (times the square of the shift). If the second variation is negative, the path is not
+    /// even locally the farthest on this line.
     pub(super) second_variation: f64,
     /// The step of the second-to-last switch.
     pub(super) before_last: Option<usize>,
@@ -58,7 +58,7 @@ pub(super) struct PathTime {
 }
 
 impl PathTime {
-    /// The beginning of a step. For the step after the last one, this is the end.
+    /// The beginning of a step. For the step after the last one, this is the end of the path.
     pub(super) fn beginning(step: usize) -> Self {
         Self { step, seconds: 0.0 }
     }
@@ -207,8 +207,8 @@ impl Costate {
     }
 
     /// Whether p certainly keeps its sign back to the instant with these `facing` and `rest`, which
-    /// must be less than half a turn away. If so, Im(rest) is monotonic in between, or bulges away from
-    /// zero.
+    /// must be less than half a turn away. If it does, Im(rest) is monotonic between the two instants,
+    /// or first moves away from zero and then back.
     fn keeps_sign(&self, facing: Complex<f64>, rest: Complex<f64>) -> bool {
         let (im, growth, before) = (self.rest.im, self.facing.im, facing.im);
         if im == 0.0 {
@@ -262,7 +262,7 @@ impl Costate {
     ///
     /// With z = (2/rate)·tan(rate·seconds/2), Im(rest) vanishes where a·z² − b·z − Im(rest) = 0, with
     /// a = (rate/2)·(cos φ − rate·Im(rest)/2) and b = sin φ. Unlike a difference of two arc cosines,
-    /// its roots keep all their digits if φ and the rate are close to zero.
+    /// the roots of this equation keep all their digits if φ and the rate are close to zero.
     fn back_to_zero(&self, rate: f64, left: f64) -> Option<(f64, Turn)> {
         let im = self.rest.im;
         if im.abs() >= left {

@@ -19,8 +19,9 @@ use crate::math::{PI, TAU, atan2};
 /// nothing.
 const WIDE: f64 = 2.0;
 
-/// Upper bound on the gain of more than one switch, as a fraction of the travel time multiplied by the
-/// square of the angle (rad) that the highest rate turns by in this time. Measured: 0.0015.
+/// Upper bound on the gain of more than one switch (s), divided by the travel time (s) and by the
+/// square of the angle (rad) through which the highest rate turns in this time. The largest measured
+/// value is 0.0015.
 const MOST_GAIN: f64 = 0.002;
 
 /// If driving straight is always admissible and the mean asymmetry of the bounds is below this, more
@@ -44,8 +45,8 @@ const MOST_HALVINGS: u32 = 20;
 /// the travel time. Measured: up to 8, no position is lost; at 32, the first positions are lost.
 const EDGE: f64 = 3.0;
 
-/// Extremals that end closer to φ = π than this (rad) are not traced, because at φ = π they may chatter
-/// without end.
+/// Extremals that end closer to φ = π than this (rad) are not traced, because at φ = π they can
+/// chatter without end.
 const AT_REST: f64 = 1e-6;
 
 /// Appends the ends of the extremals with more than one switch, unless they gain at most half of
@@ -144,7 +145,8 @@ impl<'a> Search<'a> {
         Self { paths, steps, seconds, tolerance, straight, rates: (left, right), budget }
     }
 
-    /// Whether a path with more than one switch may switch between the bounds of this step.
+    /// Whether the bounds of this step are so narrow that a rear path with more than one switch can
+    /// have a switch in this step.
     fn narrow(&self, step: usize) -> bool {
         let width = self.paths.hi[step] - self.paths.lo[step];
         !self.straight || WIDE * width < self.rates.0 + self.rates.1
@@ -180,8 +182,8 @@ impl<'a> Search<'a> {
         Trace { phi, candidate, more, before_last, sample: costate.sample() }
     }
 
-    /// Whether the second-to-last switch skips a step with narrow bounds from one extremal to the
-    /// other.
+    /// Whether a step with narrow bounds lies between the second-to-last switches of the two
+    /// extremals.
     fn skips(&self, start: Trace, end: Trace) -> bool {
         let (a, b) = (start.before_last, end.before_last);
         (a.min(b) + 1..a.max(b)).any(|place| self.narrow(place - 1))
@@ -207,7 +209,7 @@ impl<'a> Search<'a> {
         let three = [start, middle, end];
         let close = |a: Trace, b: Trace| triangle_height(a.sample, b.sample) <= self.tolerance;
         let any = three.iter().any(|trace| trace.more);
-        // The ends of the extremals may move away and come back, so the middle is checked as well.
+        // The ends of the extremals can move away and come back, so the middle is checked as well.
         if any
             && three.iter().all(|trace| trace.candidate)
             && close(start, end)
@@ -221,7 +223,8 @@ impl<'a> Search<'a> {
             curves.points().extend([through, to]);
             return;
         }
-        // If only one of two neighbours is a candidate, extremals between them may bound the set.
+        // If only one of two neighbours is a candidate, extremals between them can still bound the
+        // set.
         let differ = |a: Trace, b: Trace| a.candidate != b.candidate;
         for (a, b) in [(start, middle), (middle, end)] {
             if any || differ(a, b) || self.skips(a, b) {

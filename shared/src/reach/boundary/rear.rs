@@ -1,8 +1,9 @@
 //! The rear of a planar set: the ends of the paths that stay farthest back.
 //!
-//! Driving straight gains nothing here, so the rate of these paths switches between its bounds
-//! (bang-bang). One switch is enough if the bounds are the same in every step. Otherwise, a path may
-//! have to cross the line through its end more often, so extremals with two or more switches are added.
+//! Driving straight gains nothing at the rear, so the rate of these paths switches between its bounds
+//! (bang-bang). One switch is enough if the bounds are the same in every step. Otherwise, some paths
+//! have to cross the line through their end more often, so extremals with two or more switches are
+//! added.
 
 use super::super::budget::Budget;
 use super::super::paths::{Path, Paths};

@@ -1,11 +1,11 @@
 //! The ordered family of extremals that form the front if driving straight is not always admissible.
 //!
 //! Traced backward from the end, the extremals start side by side (φ rising, p = 0) and keep their
-//! order. Where driving straight is admissible, one of them may run with φ = 0 and p = 0. It is the
-//! *singular* extremal. At each instant, an extremal may leave it to either side, so a *fan* of
-//! extremals emanates from it. Traced backward, the singular extremal begins at the last instant at
-//! which an extremal reaches φ = 0 and p = 0 while driving straight is admissible. It stops where
-//! driving straight is not admissible.
+//! order. Where driving straight is admissible, one of them can run with φ = 0 and p = 0. It is the
+//! *singular* extremal. At each instant, another extremal can leave the singular one to either side,
+//! so a *fan* of extremals emanates from it. Traced backward, the singular extremal begins at the last
+//! instant at which an extremal reaches φ = 0 and p = 0 while driving straight is admissible. It stops
+//! where driving straight is not admissible.
 
 use super::super::budget::Budget;
 use super::super::paths::Paths;
@@ -109,7 +109,7 @@ pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>, budge
             }
         };
         singular = Some((place, rest));
-        // The earlier the instant at which an extremal leaves, the closer it stays to φ = 0.
+        // The earlier an extremal leaves the singular one, the closer it stays to φ = 0.
         let (lo, hi) = (paths.lo[step], paths.hi[step]);
         let origin = PathTime::beginning(step);
         let fan = |from, to, rate| Piece { from, to, origin, kind: Kind::Fan { rate, rest } };
@@ -142,7 +142,7 @@ const GAP: f64 = 1e-12;
 const CLEAR: f64 = 1e-12;
 
 /// The extremal that becomes singular in `step`, if any. Splits the family there. Driving straight
-/// must be admissible in this step, and no extremal may be singular at its end.
+/// must be admissible in this step, and no extremal is allowed to be singular at its end.
 fn onset(paths: &Paths, step: usize, family: &mut Vec<Piece>) -> Option<Onset> {
     let bounds = (paths.lo[step], paths.hi[step]);
     let end = PathTime::beginning(step + 1);
@@ -159,7 +159,7 @@ fn onset(paths: &Paths, step: usize, family: &mut Vec<Piece>) -> Option<Onset> {
             })?
         }
     };
-    // If the two have diverged, there are other extremals between them.
+    // If the two neighbours of the gap have diverged, there are other extremals between them.
     for _ in 0..MOST_DIVERGENCES {
         let gap = family[place].neighbours(&family[place - 1], paths);
         if gap.back(paths, end).are_one() {
@@ -220,7 +220,7 @@ fn split(paths: &Paths, step: usize, family: &mut Vec<Piece>, place: usize) -> u
     place + 1
 }
 
-/// Costates closer to zero than this (s) may be zero.
+/// Costates closer to zero than this (s) cannot be distinguished from zero.
 const NEAR: f64 = 1e-9;
 
 const MOST_BISECTIONS: u32 = 60;

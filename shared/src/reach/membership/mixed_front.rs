@@ -8,9 +8,9 @@
 //! The cosine is replaced by the parabola −w(θ − α)²/2, up to a constant. The slope of the value
 //! function is then linear between a few knots. From part to part, the knots below the maximum move by
 //! the highest turn and the knots above it by the lowest turn, so each part costs only a few
-//! operations. The weight is w = sin φ/φ for φ = θ − α on the path found last. With this weight, the
-//! parabola touches the cosine from below. So each round improves the path, and the rounds converge to
-//! the best path.
+//! operations. The weight is w = sin φ/φ for φ = θ − α on the path of the previous round. With this
+//! weight, the parabola touches the cosine from below. So each round improves the path, and the rounds
+//! converge to the best path.
 
 use super::buffer::Buffer;
 use super::parts::Parts;
@@ -47,7 +47,7 @@ struct Scratch {
     best: Buffer<f64>,
     headings: Buffer<f64>,
     weights: Buffer<f64>,
-    /// Ranges below and above the maximum; the nearest range is the last one.
+    /// Ranges below and above the maximum. The range nearest to the maximum is the last one.
     below: Buffer<Stretch>,
     above: Buffer<Stretch>,
 }

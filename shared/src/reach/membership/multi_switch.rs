@@ -1,12 +1,13 @@
-//! The rear of a slice where paths with more than two switches stay farther back.
+//! The rear of a slice where paths with more than two switches end farther back than paths with two.
 //!
 //! The goal is to find the path that ends on a line through the queried position, as far out along the
-//! line as possible. The conditional-gradient method (Frank and Wolfe 1956) starts from the window's
-//! path that ends nearest to the position. Each round computes, to first order, how turning in each
-//! part of the horizon moves the end. The parts beyond a switching line get the highest rate, as many
-//! as the end heading requires. The other parts get the lowest rate. The direction of the switching
-//! line is chosen so that the path ends on the line through the position. Because a concave function is
-//! minimised, a round gains more than its first-order estimate.
+//! line as possible. The conditional-gradient method (Frank and Wolfe 1956) starts from a path of a
+//! *window* (a curve of paths with two switches, see `slice`): the path that ends nearest to the
+//! position. Each round computes, to first order, how turning in each part of the horizon moves the
+//! end. The parts beyond a switching line get the highest rate, as many as the end heading requires.
+//! The other parts get the lowest rate. The direction of the switching line is chosen so that the path
+//! ends on the line through the position. Because a concave function is minimised, a round gains more
+//! than its first-order estimate.
 //!
 //! The improved path and the window's paths on both sides of the nearest path form a loop. All paths
 //! that interpolate the headings of two of these paths are admissible, so the loop consists of
@@ -41,7 +42,7 @@ const TILT_STEP: f64 = 0.35;
 const LEAST_TILT: f64 = 3e-3;
 
 /// Two paths on opposite sides of the line are interpolated if their ends are at most this far apart
-/// (s). The loss is less than 10⁻⁵ s.
+/// (s). This interpolation loses less than 10⁻⁵ s.
 const SAME_END: f64 = 5e-3;
 
 /// Maximum number of trials in the search for the tilt.
@@ -67,7 +68,8 @@ pub(super) struct Knot {
     point: Complex<f64>,
 }
 
-/// How far turning more in a part moves the end outward (up to a constant), and the index of the part.
+/// The distance by which turning more in a part moves the end outward (up to a constant), and the
+/// index of the part.
 type Rank = (f64, usize);
 
 impl<'a> Loop<'a> {

@@ -1,10 +1,10 @@
 //! Decides whether any pose of an uncertain start leads to a state.
 //!
-//! All poses of a cell (a range of headings and a box of positions) are decided at once. First, the
-//! distance of the state from the states reachable from the cell's middle pose is computed. From a pose
-//! that is turned by δ and shifted by s, paths to the same end heading end at most
-//! |s| + δ·(travel time) away from the corresponding paths from the middle pose, because the headings
-//! differ by at most δ at any time. So either the distance decides the whole cell, or the cell is halved.
+//! The poses of a cell (a range of headings and a box of positions) are decided together. First, the
+//! distance of the state from the states reachable from the cell's middle pose is computed. From a
+//! pose that is turned by δ and shifted by s, paths to the same end heading end at most |s| +
+//! δ·(travel time) away from the corresponding paths from the middle pose, because the headings differ
+//! by at most δ at any time. So either the distance decides the whole cell, or the cell is halved.
 
 use super::super::budget::Budget;
 use super::super::paths::unit;
@@ -17,7 +17,7 @@ use crate::vehicle::Pose;
 use nalgebra::Complex;
 
 /// The search radius exceeds the required distance by this much (s), so that rounding errors do not
-/// decide.
+/// determine the result.
 const GUARD: f64 = 1e-6;
 
 /// Poses whose paths end at most this far apart (s) count as one pose.
@@ -116,7 +116,8 @@ impl<'a> Origins<'a> {
             return Membership::Inside;
         }
         let mut prover = Prover::default();
-        // A proof for all poses of the start set holds for every number of whole turns.
+        // A proof for all poses of the start set does not depend on the number of whole turns, so one
+        // proof is enough.
         let all = self.set.start_set.heading_rad;
         let whole = Cell { shift: Complex::new(0.0, 0.0), half, headings: (-all, all) };
         let proven = self

@@ -1,6 +1,6 @@
 //! The boundary of the positions reached after a number of steps with one end heading ψ.
 //!
-//! Three curves of paths run from the lowest to the highest path that ends with heading ψ:
+//! Three curves of paths run from the lowest path that ends with heading ψ to the highest one:
 //!
 //! * **window of lo**: bang-bang paths with the lowest rates between two switches and the highest rates
 //!   otherwise. ψ fixes the time between the switches, so one parameter is free;
@@ -8,9 +8,9 @@
 //! * **front**: paths that turn toward a direction at full rate, go straight, and turn to ψ at full rate
 //!   (if driving straight is not always admissible, see `mixed_front`).
 //!
-//! If every step turns left, the paths of the window of lo get farthest. If every step turns right, the
-//! paths of the window of hi get farthest. Otherwise both windows are rears, and paths with more
-//! switches may stay even farther back (`multi_switch`). By Pontryagin's principle the rate is hi on
+//! If every step turns left, the paths of the window of lo get farthest. If every step turns right,
+//! the paths of the window of hi get farthest. Otherwise both windows are rears, and paths with more
+//! switches can stay even farther back (`multi_switch`). By Pontryagin's principle the rate is hi on
 //! the left of some line and lo on its right; for constant bounds see Patsko, Pyatko and Fedotov 2003,
 //! "Three-dimensional reachability set for a nonlinear control system". Lengths are in seconds of
 //! travel, in the human's frame.
@@ -29,9 +29,9 @@ use nalgebra::Complex;
 pub(super) struct Slice<'a> {
     budget: &'a Budget<'a>,
     span: Span<'a>,
-    /// The end heading under the highest rates throughout minus this end heading (rad).
+    /// The end heading of the path with the highest rates, minus the end heading of the slice (rad).
     below_high: f64,
-    /// This end heading minus the end heading under the lowest rates throughout (rad).
+    /// The end heading of the slice, minus the end heading of the path with the lowest rates (rad).
     above_low: f64,
     kind: Kind,
 }
@@ -56,9 +56,9 @@ pub(super) enum Curve {
     MultiSwitch,
 }
 
-/// Paths with more than two switches are searched only within this distance of the other curves. The
-/// distance is a fraction of the travel time multiplied by the square of the angle (rad) that the
-/// fastest rate turns by in this time. The largest measured gain is 0.0018.
+/// Paths with more than two switches are searched only within a certain distance of the other curves.
+/// The distance is this constant times the travel time (s), times the square of the angle (rad)
+/// through which the fastest rate turns in this time. The largest measured gain corresponds to 0.0018.
 const MOST_GAIN: f64 = 0.002;
 
 /// Cost of a point of a window or of the front, in units of a [`Budget`].
@@ -114,7 +114,7 @@ impl<'a> Slice<'a> {
         WINDOWS.into_iter().chain(Some(self.front()).filter(|front| !WINDOWS.contains(front)))
     }
 
-    /// Whether paths with more than two switches may stay farther back.
+    /// Whether paths with more than two switches can stay farther back than the windows.
     fn needs_more_switches(&self) -> bool {
         matches!(self.kind, Kind::StraightAdmissible | Kind::Mixed)
     }
@@ -239,8 +239,8 @@ impl<'a> Slice<'a> {
         let apart = 0.5 * LOOP_S / (knot.to - knot.from).max(LOOP_S);
         let parameters = [-apart, 0.0, apart].map(|by| (found.nearest + by).clamp(0.0, most));
         let headings = |parameter: f64, path: &mut [f64]| window.headings(parameter, path);
-        // The target is the middle of the range of sufficient distances, or as far as possible if the
-        // distance itself is needed.
+        // The middle path of the loop is improved until it ends in the middle of the range of
+        // sufficient distances, or as far out as possible if the distance itself is needed.
         let beyond = if reach.is_finite() { -0.5 * enough } else { f64::INFINITY };
         let found = Loop::new(self.span, headings, parameters, (position, beyond), self.budget);
         search.follow(&found, [0.0, 1.0, 2.0, 3.0]);
@@ -429,8 +429,8 @@ impl Arc for Straight<'_> {
         } else {
             (rising(direction + slice.below_high), high, -slice.below_high)
         };
-        // Where the full rate is zero, the turn is a straight line too, and the computed instant may be
-        // anywhere on it.
+        // Where the full rate is zero, the turn is a straight line too, and the computed instant can
+        // be anywhere on it.
         if to.time < from.time {
             if (toward.at(to).1 - direction).abs() < SAME_HEADING {
                 from = to;

@@ -284,14 +284,15 @@ impl Curve {
             let to_b = if b_ends { b.end.norm_sqr() } else { begin(j + 1) };
             let next = if far { to_a.max(to_b) } else { to_a.min(to_b) };
             let (a_over, b_over) = (to_a == next && a_ends, to_b == next && b_ends);
-            // Use the exact ends. Computed ends would be inaccurate where an edge just touches the
-            // circle. The angle of the arc from there to the other chain could then be slightly
-            // negative and be taken for a whole turn.
+            // The exact ends are used, because computed ends would be inaccurate where an edge just
+            // touches the circle at this distance. The angle of the arc from such an end to the other
+            // chain could then be slightly negative and be mistaken for a whole turn.
             let p = if a_over { a.start } else { self.at(i, next) };
             let q = if b_over { b.end } else { self.at(j, next) };
             let between = apart(p, q);
-            // The chains must not meet earlier. Beyond a meeting point, or where they coincide, the
-            // gap between them is a part of the set, which grows, and not a notch, which shrinks.
+            // The chains must not meet before this distance. Beyond a meeting point, or where the
+            // chains coincide, the region between them belongs to the set and grows. It is not a
+            // notch, which would shrink.
             let middle = 0.5 * (distance2 + next);
             let meanwhile = apart(self.at(i, middle), self.at(j, middle));
             if between.im <= 0.0

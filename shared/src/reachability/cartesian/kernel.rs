@@ -12,7 +12,8 @@ use crate::real::Real;
 use core::marker::PhantomData;
 use core::ops::Deref;
 
-/// The values that a stage combines with the moved values.
+/// The values that a stage combines with the moved values, which are the values after its time
+/// step.
 #[derive(Clone, Copy)]
 pub(super) enum Base<'a, T> {
     /// None: dst = moved.
@@ -43,14 +44,16 @@ pub(super) struct Stage<'a, T, const D: usize> {
     /// derivatives.
     pub(super) units: [T; D],
     /// If there is an obstacle: for each axis, the difference between neighbours above which V
-    /// jumps.
+    /// counts as having a jump.
     pub(super) steep: Option<[T; D]>,
-    /// For obstacles with jumps that are lower than `steep`: positive near these jumps.
+    /// Positive near those jumps of the obstacle that are lower than `steep`. `None` if there are
+    /// no such jumps.
     pub(super) near: Option<&'a [T]>,
-    /// Whether V can jump because the obstacle does.
+    /// Whether V can have jumps, because the obstacle has them.
     pub(super) jumps: bool,
-    /// Half the scale of the data. `half_mean` multiplies the sum of the two derivatives and is
-    /// negative in a forward march; `half_difference` multiplies their difference.
+    /// Half the factor that converts scaled derivatives back to derivatives. `half_mean` multiplies
+    /// the sum of the two derivatives and is negative in a forward march; `half_difference`
+    /// multiplies their difference.
     pub(super) half_mean: T,
     pub(super) half_difference: T,
     pub(super) time_step: T,
@@ -245,7 +248,7 @@ struct Scratch<T, const D: usize> {
 /// Left derivatives at nodes that are computed later. A face gives the left derivative at the node
 /// after it together with the right derivative at the node before it.
 struct Carried<T, const D: usize> {
-    /// For each axis, the left derivatives by the node's position in its slice.
+    /// For each axis, the left derivatives, ordered by the position of their nodes in the slice.
     lefts: [Vec<T>; D],
     /// The left derivatives of the next slice along axis 0. Empty if there are no loop axes, since
     /// there is then only one slice.
@@ -261,8 +264,8 @@ impl<T: Real, const D: usize> Carried<T, D> {
         Self { lefts: layout.strides.map(|stride| array(stride.min(layout.slice_length()))), next }
     }
 
-    /// The storage for the left derivatives at the nodes that follow, along axis `d`, the nodes of
-    /// a block that starts at `here`.
+    /// The storage for left derivatives, for a block that starts at `here`. The derivatives belong
+    /// to the nodes that are one node further along axis `d` than the nodes of the block.
     #[inline(always)]
     fn behind(&mut self, d: usize, here: usize, layout: &Layout<D>) -> &mut [T; BLOCK] {
         if d == 0 && Layout::<D>::LOOP_AXES > 0 {
@@ -334,7 +337,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Step<'_, T, D, G, S> {
     }
 
     /// Computes a block of derivatives along axis `d`: the right derivatives at the nodes from `at`
-    /// on, and the left derivatives at the nodes that follow these nodes along the axis.
+    /// on, and the left derivatives at the nodes that come one node later along the axis.
     #[inline(always)]
     fn faces(&self, d: usize, at: usize, rights: &mut [T; BLOCK], lefts: &mut [T; BLOCK]) {
         let stride = self.layout.strides[d];
@@ -414,8 +417,8 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Step<'_, T, D, G, S> {
             Base::Other(keep, other) => combine(keep, block(other, at), moved),
         }
         // The result goes to a different array than the one that is read. Otherwise the compiler
-        // would make the stores conditional, which is slow. This order of comparison preserves a
-        // NaN from the game.
+        // would make the stores conditional, which is slow. The operands of the comparisons are in
+        // the order that preserves a NaN from the game.
         match (self.ceiling, self.floor) {
             (None, None) => *target = *moved,
             (Some(ceiling), None) => {

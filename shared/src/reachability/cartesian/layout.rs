@@ -3,8 +3,8 @@
 use super::super::grid::{Boundary, Grid};
 use crate::real::Real;
 
-/// Number of cells in a block, which is computed at once. A block takes a few cache lines of every
-/// row that a stencil reads.
+/// Number of cells in a block. A stage computes one block after the other. A block takes a few
+/// cache lines of every row that a stencil reads.
 pub(super) const BLOCK: usize = 256;
 
 /// The memory layout of the axes, including ghosts.
@@ -95,7 +95,7 @@ pub(super) enum Ghosts<'a> {
 }
 
 /// Fills the ghosts of `axis` in `data`, which consists of whole slices of this axis. If V can have
-/// `jumps`, they are not continued outside; see [`extend`].
+/// `jumps`, the ghosts do not continue them; see [`extend`].
 #[inline(always)]
 pub(super) fn fill_ghosts<T: Real, const D: usize>(
     data: &mut [T],
@@ -157,7 +157,7 @@ fn extend_high<T: Real>(line: &mut [T], reach: usize, nodes: usize, stride: usiz
 #[inline(always)]
 fn wrapped(reach: usize, nodes: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..reach).flat_map(move |k| {
-        // Modulo, since a short axis may wrap more than once.
+        // The modulo is needed because a short axis can wrap more than once.
         let low = (nodes * reach + k - reach) % nodes;
         [(reach + low, k), (reach + k % nodes, reach + nodes + k)]
     })
@@ -173,9 +173,9 @@ fn wrap<T: Copy>(line: &mut [T], reach: usize, nodes: usize) {
 }
 
 /// Fills the `k`-th row of ghosts beyond the row `edge`, whose inner neighbours are `inner` and
-/// `deeper`. If V has `jumps`, values below 0 use the smaller of the two slopes at the edge. Beside
-/// a wall, the first slope is the jump. With this slope, values that are far too low would enter
-/// from outside.
+/// `deeper`. If V has `jumps`, values below 0 use the smaller of the two slopes at the edge,
+/// because beside a wall, the first slope is the jump. With the slope of the jump, values that are
+/// far too low would enter from outside.
 #[inline(always)]
 fn extend<T: Real>(ghosts: &mut [T], [edge, inner, deeper]: [&[T]; 3], k: usize, jumps: bool) {
     for (((ghost, edge), inner), deeper) in ghosts.iter_mut().zip(edge).zip(inner).zip(deeper) {

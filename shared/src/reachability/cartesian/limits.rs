@@ -21,12 +21,13 @@ pub(super) struct Limits<T> {
     pub(super) floor: Option<Vec<T>>,
     /// Whether `floor` has ever been capped below the obstacle at some node.
     pub(super) is_capped: bool,
-    /// Whether the obstacle has had jumps, and V may still have them.
+    /// Whether the obstacle has had jumps at some time so far, so that V can have jumps.
     pub(super) jumps: bool,
-    /// Whether the target's slope has hidden some of these jumps.
+    /// Whether some of these jumps are hidden by the target's slope; see
+    /// [`Limits::look_for_jumps`].
     hides_jumps: bool,
-    /// [`NEAR`] at the nodes of hidden jumps, decreasing by one for each cell of distance from
-    /// them. Empty if the march does not search for jumps.
+    /// [`NEAR`] at the nodes of hidden jumps. Elsewhere, the value is smaller by one for each cell
+    /// of distance from such a node. Empty if the march does not search for jumps.
     near: Vec<T>,
     /// The target's steepest slope at the beginning.
     pub(super) slope: f64,
@@ -35,7 +36,7 @@ pub(super) struct Limits<T> {
 }
 
 impl<T: Real> Limits<T> {
-    /// The limits for a target with these values. If `ceiling` is set, V may not exceed it. `near`
+    /// The limits for a target with these values. If `ceiling` is set, V must not exceed it. `near`
     /// is empty or as long as `target`.
     pub(super) fn new<const D: usize>(
         target: &[T],
@@ -70,8 +71,9 @@ impl<T: Real> Limits<T> {
     /// Caps an obstacle at M, the largest magnitude of the target. A path's value is `max(l, g)`,
     /// where l is the target at the path's end and g is the highest obstacle on the path. Since
     /// l ≤ M, `max(l, min(g, M)) = min(max(l, g), M)`. So V becomes min(V, M) and keeps its sign.
-    /// Without the cap, obstacle values far above the target's (used for "never") would cause
-    /// rounding errors as large as the target's values, and these errors would enter V.
+    /// Some obstacles have values far above the target's, which mean "never enter". Without the
+    /// cap, such values would cause rounding errors as large as the target's values, and these
+    /// errors would enter V.
     pub(super) fn cap_floor(&mut self) {
         let cap = T::from_f64(self.largest());
         let mut is_capped = false;
@@ -90,9 +92,9 @@ impl<T: Real> Limits<T> {
 
     /// The lowest value of a tube, and the range of values that one stage can reach. Neighbours,
     /// including ghosts, differ by at most the range R of the data, and second differences are at
-    /// most 2 R. With the coefficients of ENO3 and WENO5, no one-sided derivative exceeds
-    /// (1 + 14/6) R/Δx, with the spacing Δx. A stage moves V by at most Δt Σ speed (|mean of the
-    /// two derivatives| + |half of their difference|), and Δt Σ speed/Δx is at most `cfl`.
+    /// most 2 R. With the coefficients of ENO3 and WENO5, no one-sided derivative exceeds (1 +
+    /// 14/6) R/Δx, where Δx is the spacing. A stage moves V by at most Δt Σ speed (|mean of the two
+    /// derivatives| + |half of their difference|), and Δt Σ speed/Δx is at most `cfl`.
     pub(super) fn range(&self, cfl: f64) -> Range<T> {
         let lowest = self.seen[0];
         let highest = if self.floor.is_some() { self.largest() } else { self.seen[1] };
@@ -121,7 +123,7 @@ impl<T: Real> Limits<T> {
         let (lead, length) = (layout.lead(), layout.slice_length());
         let [low, high] = range(floor, layout).map(|value| value.max(lowest));
         let (share, hidden) = (0.25 * (high - low), T::from_f64(NEAR));
-        // Rounded differences may be slightly smaller.
+        // Rounding can make a difference slightly smaller than its exact value.
         let [least, suspect] = [lowest, 0.999 * share].map(T::from_f64);
         let (steep, jumps) = (self.steep(grid), AtomicBool::new(self.jumps));
         let look = |i: usize, near: &mut [T]| {
@@ -199,9 +201,9 @@ impl<T: Real> Limits<T> {
     }
 }
 
-/// Whether all values of a line of nodes along the last axis, raised to at least `least`, differ
-/// from their neighbours' values by at most `suspect`. `start` is the position of the line's first
-/// node.
+/// Takes the values of a line of nodes along the last axis, raised to at least `least`. Returns
+/// whether each of them differs from its neighbours' values by at most `suspect`. `start` is the
+/// position of the line's first node.
 fn is_flat_line<T: Real, const D: usize>(
     data: &[T],
     grid: &Grid<D>,
@@ -294,7 +296,7 @@ pub(super) fn steepest<T: Real, const D: usize>(
     if steepest > 0.0 && steepest.is_finite() { steepest } else { 1.0 }
 }
 
-/// Spreads the proximity of jumps along `axis`.
+/// Spreads the proximity of jumps along `axis`. It decreases by 1 from node to node.
 fn spread<T: Real, const D: usize>(
     near: &mut [T],
     layout: &Layout<D>,
@@ -323,7 +325,7 @@ fn spread<T: Real, const D: usize>(
     }
 }
 
-/// The smallest range that contains both ranges.
+/// The smallest range that contains both of these ranges.
 pub(super) fn joined([low, high]: [f64; 2], [other_low, other_high]: [f64; 2]) -> [f64; 2] {
     [low.min(other_low), high.max(other_high)]
 }
@@ -334,6 +336,6 @@ pub(super) const STEEP: f64 = 4.0;
 /// A gap of at most this many nodes between two walls, or between a wall and the end of the grid,
 /// is a passage.
 const PASSAGE: isize = 6;
-/// Faces up to this many cells away from a jump may use the first-order scheme although V does not
+/// Up to this many cells away from a jump, the first-order scheme can be used even if V does not
 /// jump there.
 const NEAR: f64 = 8.0;

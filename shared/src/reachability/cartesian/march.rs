@@ -135,7 +135,7 @@ impl<T: Real, const D: usize> Marcher<'_, T, D> {
         }
     }
 
-    /// Reports an obstacle beside which V is far flatter than the target.
+    /// Returns a [`ShallowObstacle`] if V beside the obstacle is far flatter than the target.
     fn shallow(&self, floor: &[T], limits: &Limits<T>) -> Option<ShallowObstacle> {
         let (target, lowest) = (limits.seen[0], range(floor, &self.layout)[0]);
         if lowest <= target {

@@ -68,7 +68,7 @@ impl<const D: usize> Mirror<D> {
             let places = (self.axis + 1..D).map(|d| (index[d] + layout.reach) * layout.strides[d]);
             places.sum::<usize>()
         };
-        // In row-major order, the first `count` nodes form this row.
+        // In row-major order, the first `count` nodes form such a row.
         let index = |position: usize| self.whole.index(position);
         (0..count)
             .map(|position| (place(index(position)), place(self.image(index(position)))))

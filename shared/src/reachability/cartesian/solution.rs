@@ -51,7 +51,7 @@ pub struct Solution<T, const D: usize> {
     /// end of that axis; infinite if no path ever does. `None` if the solution's file lacks these
     /// times. See [`Solution::earliest_exit_s`].
     pub exit_s: Option<[Vec<f64>; D]>,
-    /// Set if the obstacle makes V so flat that its sign may be wrong.
+    /// Set if the obstacle makes V so flat that its sign can be wrong.
     pub shallow: Option<ShallowObstacle>,
 }
 
@@ -69,7 +69,7 @@ pub struct ShallowObstacle {
 
 impl fmt::Display for ShallowObstacle {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // As f32, so that no digits beyond single precision are printed.
+        // The values are converted to f32, so that no digits beyond single precision are printed.
         let [lowest, target] = [self.lowest, self.target].map(|value| value as f32);
         write!(
             f,
@@ -132,12 +132,12 @@ impl<T: Real, const D: usize> Solution<T, D> {
     /// The time (s) before which no path from a state leaves the grid; infinite if no path ever
     /// does. `None` if the solution's file lacks these times. After a march of at most this time, V
     /// at the state does not depend on the values beyond the grid's ends. After a longer march, V
-    /// may depend on them.
+    /// can depend on them.
     ///
     /// This is a lower bound for all inputs of both players. Along each axis, the speed of a path
     /// is bounded by the largest speed bound at any node of the grid with that coordinate, **in
-    /// either direction**, since the bounds have no sign. The paths that matter may leave much
-    /// later, or never, for instance where all states move away from an end.
+    /// either direction**, since the bounds have no sign. The paths that determine V can leave much
+    /// later. They never leave where, for instance, all states move away from an end.
     ///
     /// # Errors
     /// The errors of [`Self::value`].
@@ -147,7 +147,8 @@ impl<T: Real, const D: usize> Solution<T, D> {
         Ok(self.exit_s.as_ref().map(|exit_s| {
             let along = (0..D).filter(|d| !self.grid.axes[*d].is_periodic()).map(|d| {
                 let [before, behind] = [exit_s[d][cell[d]], exit_s[d][cell[d] + 1]];
-                // Exactly at a node, the other node does not count, since its time may be infinite.
+                // Exactly at a node, the other node of the cell does not count, since its time can
+                // be infinite.
                 match share[d] {
                     0.0 => before,
                     1.0 => behind,
@@ -158,10 +159,10 @@ impl<T: Real, const D: usize> Solution<T, D> {
         }))
     }
 
-    /// For each node, row-major, whether V after `tau_s` (s) of the march may depend on values
+    /// For each node, row-major, whether V after `tau_s` (s) of the march can depend on values
     /// beyond the grid's ends. `None` if the solution's file lacks the exit times. Every node that
-    /// depends on these values is marked, but so are many nodes that do not, such as nodes beside
-    /// an end from which all states move away. See [`Self::earliest_exit_s`].
+    /// depends on these values is marked. Many nodes that do not depend on them are marked too,
+    /// such as nodes beside an end from which all states move away. See [`Self::earliest_exit_s`].
     ///
     /// # Errors
     /// [`Invalid`] for a time that is not between 0 and the horizon.

@@ -52,9 +52,9 @@ impl<const D: usize> Speeds<D> {
         }
     }
 
-    /// For each axis d and each of its nodes: the time (s) before which no path from there passes
-    /// an end of d; infinite if no path ever does. A path must cross each cell on its way. Its
-    /// speed in a cell is at most the larger speed of the cell's two nodes.
+    /// For each axis d and each of its nodes: the time (s) before which no path from that node
+    /// passes an end of d; infinite if no path ever does. A path must cross each cell on its way.
+    /// Its speed in a cell is at most the larger speed of the cell's two nodes.
     pub(super) fn exit_s(&self, grid: &Grid<D>) -> [Vec<f64>; D] {
         core::array::from_fn(|d| {
             let (axis, speeds) = (&grid.axes[d], &self.along[d]);
@@ -68,7 +68,7 @@ impl<const D: usize> Speeds<D> {
     }
 }
 
-/// The shortest travel times from the first of these nodes to each node.
+/// The shortest travel time from the first node to each node. `speeds` are the speeds at the nodes.
 fn times<'a>(axis: &Axis, speeds: impl Iterator<Item = &'a f64>) -> Vec<f64> {
     let (mut elapsed, mut before) = (0.0, f64::INFINITY);
     speeds

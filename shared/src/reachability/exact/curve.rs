@@ -76,7 +76,7 @@ impl ExactValue {
         let half = 0.5 * wrap_positive(psi);
         let (sin_half, cos_half) = sin_cos(half);
         let right = Side { range, sin_half, cos_half, rest: PI - half };
-        // The mirror image, as for the left sheet.
+        // The left side is the right side of the mirror image, as for the left sheet.
         let left = Side { range, sin_half, cos_half: -cos_half, rest: half };
         let flatness = flatness_m / self.turning_radius_m;
         // The points run clockwise in (ahead, right), and therefore counter-clockwise in the

@@ -20,7 +20,7 @@ fn paper() -> ExactValue {
     ExactValue::new(2.0, 0.5, 3.0).unwrap()
 }
 
-/// The formula of the reference, to check [`ExactValue::value`].
+/// A direct implementation of the formula, to check [`ExactValue::value`].
 fn plain_value(game: ExactValue, [x, y, psi]: [f64; 3]) -> f64 {
     fn sheet(x: f64, y: f64, psi: f64) -> f64 {
         let (sin_half, cos_half) = sin_cos(0.5 * psi);

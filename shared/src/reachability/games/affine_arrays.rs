@@ -233,7 +233,7 @@ impl<const D: usize> AffineArrays<D> {
     fn position<T: Real>(&self, terms: &[[T; TERMS]; D]) -> usize {
         let mut position = 0;
         for (axis, [node, ..]) in self.grid.axes.iter().zip(terms) {
-            // NaN becomes 0. The result at such a cell is overwritten later, or the solve was
+            // NaN becomes 0. The result of a cell with NaN is overwritten later, or the solve was
             // already rejected.
             position = position * axis.nodes + node.to_f64() as usize;
         }

@@ -28,7 +28,7 @@ impl<'a> Arrays<'a> {
     /// [`Invalid`] if the bytes are not an archive of uncompressed arrays.
     pub(super) fn read(bytes: &'a [u8]) -> Result<Self, Invalid> {
         let no_archive = || Invalid::new("bytes", "a NumPy archive (.npz)", "other bytes");
-        // A comment of at most 2¹⁶ bytes may follow the end record. The record contains the
+        // A comment of at most 2¹⁶ bytes can follow the end record. The record contains the
         // comment's length.
         let last = bytes.len().checked_sub(END).ok_or_else(no_archive)?;
         let end = (last.saturating_sub(1 << 16)..=last)

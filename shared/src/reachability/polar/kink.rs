@@ -9,8 +9,9 @@ use crate::math::TAU;
 use crate::parallel::in_widest_lanes;
 use crate::real::Real;
 
-/// Number of sweeps over a sheet. For a finite horizon, even the slowest cells of a sheet advance
-/// by this many steps at the CFL number [`CFL`](super::sweep::CFL).
+/// Number of sweeps over a sheet. For a finite horizon, the sheet advances only in the last time
+/// steps. There are enough of these that even the slowest cells of the sheet advance by about this
+/// many steps at the CFL number [`CFL`](super::sweep::CFL).
 pub(super) const SHEET_SWEEPS: usize = 12;
 
 /// At the kink, the full game's value is blurred by at most this fraction of a cell. Where the

@@ -9,7 +9,7 @@ use crate::real::Real;
 /// Number of ghost entries at each end of a row, so that shifted reads stay within the row.
 pub(super) const PAD: usize = 2;
 
-/// The turns that the evader may choose.
+/// The turns that the evader can choose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Evader {
     /// All turns. The value is symmetric, so only half a turn of bearings is solved.

@@ -1,4 +1,4 @@
-//! The value of a finite horizon. All cells advance by the same time, in Euler steps that start
+//! The value for a finite horizon. All cells advance by the same time, in Euler steps that start
 //! from V = r − R.
 
 use super::kink::SHEET_SWEEPS;
@@ -11,7 +11,8 @@ use crate::real::Real;
 use core::ops::ControlFlow;
 
 /// At ranges below this fraction of the radius, a time step is divided into several parts, because
-/// bearings change quickly there. Only values at even smaller ranges depend on the values there.
+/// bearings change quickly there. The values at these ranges affect only values at even smaller
+/// ranges.
 const INNER: f64 = 0.3;
 
 /// The time steps of all cells, and the number of parts into which each slab divides a step.
@@ -20,15 +21,15 @@ struct Steps<T> {
     seconds: T,
     /// For each range node, the number of parts.
     parts: Vec<usize>,
-    /// Number of steps at the end in which the sheet marches too. They suffice for information to
-    /// cross a few cells everywhere.
+    /// Number of steps at the end of the march in which the sheet is advanced too. They are enough
+    /// for information to cross a few cells everywhere.
     with_sheet: usize,
 }
 
 impl<T: Real> Level<T> {
     /// Advances the deficit, which is initially 0, by `horizon_s`, and returns the sheet. `report`
     /// receives the largest rate of change of V at the last measurement (m/s) and the fraction
-    /// done, and may cancel the march.
+    /// done, and can cancel the march.
     pub(super) fn march(
         &mut self,
         horizon_s: f64,

@@ -54,7 +54,7 @@ impl<T: Real> Kernel for Sweep<'_, T> {
 
 impl<T: Real> Level<T> {
     /// Sweeps until the mean drift of the rows is at most `tolerance` (m), or `most_sweeps` ≥ 1
-    /// sweeps are done. `report` receives the drift and the number of sweeps, and may cancel the
+    /// sweeps are done. `report` receives the drift and the number of sweeps, and can cancel the
     /// solve.
     pub(super) fn converge(
         &mut self,

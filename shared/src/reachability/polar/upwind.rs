@@ -35,7 +35,8 @@ impl<T: Real> Pace<T> for Share<T> {
 }
 
 impl<T: Real> Level<T> {
-    /// Whether the evader may be able to copy the pursuer's turn without turning at its full rate.
+    /// Whether the evader can sometimes copy the pursuer's turn at less than its own full turn
+    /// rate.
     pub(super) fn follows(&self) -> bool {
         let (evader, pursuer) = (self.game.evader, self.game.pursuer);
         pursuer.turn_rate_radps < evader.turn_rate_radps || self.shape.evader == Evader::Right

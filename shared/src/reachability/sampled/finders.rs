@@ -38,8 +38,9 @@ impl RangeFinder {
         Self { knee_m, per_step: 1.0 / axis.step, nodes_m, cells, per_metre }
     }
 
-    /// The cell, the fractional position in it, whether the range is on the axis, and
-    /// d(position)/d(range).
+    /// The cell that contains a range, the position of the range in the cell (from 0 to 1), whether
+    /// the range is on the axis, and the derivative of the position with respect to the range (per
+    /// m; 0 from the last node on).
     pub(super) fn cell(&self, range_m: f64) -> (usize, f64, bool, f64) {
         let last = self.nodes_m.len() - 1;
         if range_m >= self.nodes_m[last] {
@@ -65,7 +66,7 @@ impl RangeFinder {
 /// Finds angles in the upper half plane without an arc tangent.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct BearingFinder {
-    /// (cos, sin, angle) of rays over half a turn.
+    /// (cos, sin, angle) of rays that are evenly spread over half a turn.
     rays: Vec<[f64; 3]>,
     /// The nearest ray in the first quadrant, tabulated by y/(|x| + y), which increases with the
     /// angle.

@@ -4,8 +4,8 @@ use super::{Nodes, SampledValue, split};
 use crate::math::{TAU, wrap_positive};
 
 impl SampledValue {
-    /// The slice at heading `psi`, for drawing. The cell of the heading is found only once for all
-    /// nodes.
+    /// The slice at heading `psi`, for drawing. The cell that contains the heading is found only
+    /// once for all nodes.
     pub(in super::super) fn slice(&self, psi: f64) -> Slice<'_> {
         let n = self.nodes.shape()[2];
         let (k, share) = split(wrap_positive(psi) * n as f64 / TAU, n);

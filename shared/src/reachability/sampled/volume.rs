@@ -4,14 +4,14 @@ use super::{Nodes, SampledValue};
 use crate::math::hypot;
 use crate::reachability::polar::RangeAxis;
 
-/// The number of pieces into which a cell's side is divided if the boundary of the set may cross
+/// The number of pieces into which a cell's side is divided if the boundary of the set can cross
 /// the cell.
 const PIECES: usize = 4;
 
 impl SampledValue {
     /// The volume (m²·rad) of the set within the grid where the interpolated V is ≤ 0.
     ///
-    /// At each heading node, the cells that the boundary may cross are divided into 4 × 4 pieces,
+    /// At each heading node, the cells that the boundary can cross are divided into 4 × 4 pieces,
     /// and V is approximated as linear on four triangles of each piece. The volume is the sum of
     /// the slices' areas times the spacing of the headings. On the 51×40×50 nodes of Mitchell's
     /// example, it differs from the volume of the closed form by less than 0.05 %.

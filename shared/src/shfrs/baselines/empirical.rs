@@ -243,8 +243,8 @@ mod tests {
         fn probabilities(&self, _: &[JointState], _: &mut [f64]) {}
     }
 
-    /// A two-step drive through `points`, given in the frame of a pose far from the origin. Before
-    /// it, one step has the turn rate `held`.
+    /// A two-step drive through `points`, given in the frame of a pose far from the origin. A step
+    /// with the turn rate `held` precedes the drive.
     fn drive(held: f64, points: [[f64; 2]; 2]) -> Trajectory {
         let now = Pose::new(5.0, -3.0, 0.5 * crate::math::PI);
         // Ahead is +y, to the left is −x.

@@ -117,7 +117,8 @@ impl Moments {
 }
 
 impl Gaussian {
-    /// The ellipses of `radius` along the nominal drive at `turn_rate`, as polygons.
+    /// The ellipses with Mahalanobis radius `radius` along the nominal drive at `turn_rate`, as
+    /// polygons.
     fn ellipses(&self, turn_rate: f64, radius: f64) -> Vec<Vec<[f64; 2]>> {
         let SceneParameters { human, step_s, .. } = self.parameters;
         let poses = nominal_poses(human, turn_rate, self.moments.len(), step_s);

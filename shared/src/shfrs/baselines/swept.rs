@@ -1,9 +1,9 @@
 //! The area that convex sets sweep from step to step.
 //!
 //! Sets learned from positions exist only at the steps. To compare their union over time with a
-//! reachable tube, the human is assumed to be in the convex hull of both sets between two steps.
-//! This assumption uses no vehicle model. It holds if the path between two steps is a straight
-//! line.
+//! reachable tube, the human is assumed to be, between two steps, in the convex hull of the sets of
+//! these steps. This assumption uses no vehicle model. It holds if the path between two steps is a
+//! straight line.
 
 /// The convex hull, counter-clockwise from its leftmost vertex (Andrew's monotone chain). Points
 /// between the two ends of an edge are omitted. A single point or a segment is returned unchanged.

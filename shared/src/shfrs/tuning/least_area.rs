@@ -18,7 +18,7 @@ struct Base {
     most: f64,
 }
 
-/// Ranks among `n` ≥ 1 training scores at which the calibrated level may lie. The share of
+/// Ranks among `n` ≥ 1 training scores at which the calibrated level can lie. The share of
 /// trajectories that the calibrated set will contain has the Beta distribution (a, b). The ranks
 /// are at equally likely quantiles of this share.
 ///

@@ -27,10 +27,10 @@ pub struct SignedRank {
     pub rank_biserial: f64,
     /// The typical difference: [`hodges_lehmann`] of the nonzero differences.
     pub typical: f64,
-    /// The shifts that the test does not reject. `None` if the test could not reject any shift. The
-    /// test may reject 0 but no shift next to 0. The interval then begins or ends at
-    /// [`f64::MIN_POSITIVE`] or at its negative. A typical difference of 0 is replaced in the same
-    /// way.
+    /// The shifts that the test does not reject. `None` if the test could not reject any shift. It
+    /// is possible that the test rejects 0 but no shift next to 0. The interval then begins or ends
+    /// at [`f64::MIN_POSITIVE`] or at its negative. A typical difference of 0 is replaced in the
+    /// same way.
     pub interval: Option<[f64; 2]>,
 }
 

@@ -16,7 +16,7 @@ pub(crate) const PEOPLE: usize = 8;
 /// Number of columns of B_hrd.
 pub(crate) const WIDTH: usize = 8;
 
-/// B_hrd at one step, and its labels in experiments I and II.
+/// The features B_hrd at one step, and the labels of this step in experiments I and II.
 #[derive(Deserialize)]
 pub(crate) struct FeatureRow {
     pub(crate) participant: usize,

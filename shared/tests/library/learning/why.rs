@@ -34,7 +34,7 @@ pub(crate) fn why(model: &str, theirs: &Choice, ours: &Choice) -> &'static str {
         return if within(theirs) && within(ours) { "equal splits" } else { "open" };
     }
     let [end, of_theirs] = [&ours.to_the_end[0], &theirs.to_the_end[0]];
-    // With our setting, the converged solver gets the same result as we do.
+    // With our setting, the converged solver must get the same result as we do.
     if end.test != ours.ours.test {
         return "open";
     }

@@ -17,7 +17,7 @@ use std::ops::ControlFlow;
 /// Number of tasks of each participant.
 pub(crate) const TASKS: usize = 50;
 
-/// Number of drives for training a predictor, and for calibration. The other drives are for the
+/// Numbers of drives for training a predictor and for calibration. The remaining drives are for the
 /// test.
 pub(crate) const TRAINING: usize = 160;
 pub(crate) const CALIBRATION: usize = 120;

@@ -13,7 +13,7 @@ async fn connect(server: &Server) -> TcpStream {
 /// without a response.
 async fn status(server: &Server, bytes: &[u8]) -> u16 {
     let mut stream = connect(server).await;
-    // The server may close the connection before it has read all bytes.
+    // The server can close the connection before it has read all bytes.
     let _ = stream.write_all(bytes).await;
     let mut answer = Vec::new();
     let _ = stream.read_to_end(&mut answer).await;
@@ -49,7 +49,7 @@ pub(super) async fn case_29_slow_requests_and_long_heads(server: &Server) {
     }
 
     // Silent connections and connections with an unfinished head are closed after ten seconds.
-    // Meanwhile the server serves others.
+    // Meanwhile, the server serves other clients.
     let begin = Instant::now();
     let mut slow = Vec::new();
     for i in 0..200 {

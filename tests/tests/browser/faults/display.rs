@@ -26,7 +26,7 @@ async fn gaps(tab: &Tab, started_at_ms: f64) -> Vec<f64> {
     gaps
 }
 
-/// A screen of 20 Hz is slow. The others are slow only if the machine is too busy.
+/// A screen of 20 Hz is slow. The other screens are slow only if the machine is too busy.
 async fn scene_at(hz: u32) {
     let study = QUICK
         .replace("scenes = 2", "scenes = 1")
@@ -69,7 +69,7 @@ async fn scene_at(hz: u32) {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn every_screen_has_fifty_steps_and_a_slow_one_is_flagged() {
-    // Run two at a time, because each browser renders its frames on the CPU.
+    // Run only two scenes at the same time, because each browser renders its frames on the CPU.
     tokio::join!(scene_at(144), scene_at(20));
     tokio::join!(scene_at(120), scene_at(60));
 }

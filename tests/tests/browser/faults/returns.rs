@@ -1,12 +1,12 @@
-//! Participants who reload the page, close its tab, or whose browser is killed, on every page of
-//! the study.
+//! On every page of the study, participants reload the page or close its tab, or their browser is
+//! killed.
 
 use super::{complete, participants, text};
 use crate::{answer_check, equipped, stored};
 use sidestep::trial::Flag;
 use sidestep_tests::{Browser, Server, Tab};
 
-/// Each page is shown long enough to leave it, even on a busy machine.
+/// A study that shows each page long enough for the test to leave it, even on a busy machine.
 const STUDY: &str = r#"
 slug = "default"
 title = "Every page"

@@ -30,7 +30,7 @@ async fn anybody_drives_and_is_predicted() {
     assert!(tab.words("total").await.contains("1 scene"));
     take(&tab, "demo-over").await;
     // Space presses a button that the user has reached with the keyboard. After a mouse click on a
-    // button, it starts a scene.
+    // button, the space key starts a scene.
     let pressed = format!("{}.ariaPressed", Tab::at("legend-switch"));
     tab.run(&format!("{}.focus()", Tab::at("legend-switch"))).await;
     tab.key(" ").await;

@@ -7,7 +7,7 @@ const DOCUMENT: &str = include_str!("../../../../docs/figures.md");
 /// The study has enough tasks to learn from some of them.
 const STUDY: &str = "title = \"Figures\"\nphases = [{ phase = \"task\", scenes = 11 }]\n";
 
-/// The links under a heading of the document.
+/// The links in the section of the document whose title begins with `heading`.
 fn links(heading: &str) -> Vec<&'static str> {
     let section = DOCUMENT
         .split("\n## ")

@@ -1,4 +1,5 @@
-//! The laboratory's page of value functions, with real keys, drags and turns of the wheel.
+//! The laboratory's page of value functions, with real keys, drags and movements of the mouse
+//! wheel.
 
 use crate::{ROBOT, sign_in, start, take};
 use sidestep_tests::Tab;

@@ -32,8 +32,8 @@ pub(super) struct Foreseen {
     pub(super) inside: Vec<f64>,
 }
 
-/// Minimum number of scenes to train on. One scene is enough here, so that users can watch the
-/// model learn.
+/// Minimum number of scenes to train on. On this page, one scene is enough, so that users can watch
+/// the model learn.
 const LEAST: usize = 1;
 
 /// Confidence level of intervals. This page does not show them.

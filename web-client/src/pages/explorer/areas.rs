@@ -97,8 +97,8 @@ impl Areas {
     }
 }
 
-/// Normalizes settings: removes what does not affect the comparison, because its curve covers every
-/// ε and uses `base` roll-outs.
+/// Normalizes settings: removes the widenings and the kind of roll-outs. They do not affect the
+/// comparison, because its curve covers every ε and it always uses `base` roll-outs.
 fn without_epsilon(settings: &ShfrsFile) -> ShfrsFile {
     let mut settings = settings.clone();
     (settings.epsilon, settings.rollout) = (Vec::new(), Rollout::Base);
@@ -106,7 +106,7 @@ fn without_epsilon(settings: &ShfrsFile) -> ShfrsFile {
 }
 
 impl Explorer {
-    /// Why there are too few tasks for a comparison.
+    /// The reason why there are too few tasks for a comparison.
     pub(super) fn lacks_tasks_to_compare(&self) -> Option<String> {
         tuning::lacking(self, Guarantee::Conformal, LEAST_TARGET)
     }

@@ -166,7 +166,7 @@ pub(super) fn file(explorer: &Explorer) -> Node {
     );
     let is_right = explorer.complaint.is_none() && explorer.is_valid();
     let save = button("save", Msg::Save).attr_if(!is_right, "disabled", "").text("Save as a file");
-    // The command line excludes test runs.
+    // The command line excludes pilots.
     let command = (!explorer.drives.pilot).then(|| {
         el("pre").attr("tabindex", "0").child(el("code").test_id("command").text(command))
     });

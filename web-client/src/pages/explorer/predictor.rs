@@ -19,13 +19,13 @@ type Node = view::Node<Msg>;
 /// The choice of a predictor.
 pub(super) struct Choice {
     chosen: Chosen,
-    /// Features of the predictor trained here, by their name in [`FEATURES`].
+    /// Features of the predictor that this page trains, by their name in [`FEATURES`].
     features: &'static str,
     /// Facts about the predictor, once it is loaded.
     known: Option<Known>,
     /// Other models to choose from.
     pub(super) offered: Offered,
-    /// Why there is no predictor.
+    /// The reason why there is no predictor.
     refused: Option<String>,
 }
 
@@ -88,10 +88,10 @@ impl Choice {
     /// The link parameters that [`Self::of`] reads.
     pub(super) const NAMES: [&str; 4] = ["predictor", "features", "analysis", "file"];
 
-    /// Link value for the predictor trained here.
+    /// Link value for the predictor that this page trains.
     pub(super) const HERE: &str = "here";
 
-    /// The split of the tasks for the predictor trained here.
+    /// The split of the tasks for the predictor that this page trains.
     pub(super) fn set_aside(drives: &Drives) -> Parts {
         parts(drives.tasks.len())
     }
@@ -139,8 +139,8 @@ impl Choice {
         self.refused.is_some()
     }
 
-    /// Command-line flags for the same predictor. Returns `None` if the command line cannot train
-    /// it.
+    /// Command-line flags that select the chosen predictor. Returns `None` if the command line
+    /// cannot train it.
     pub(super) fn flags(&self) -> Option<String> {
         let (usual, ..) = FEATURES[0];
         let set = FEATURES.iter().find(|(name, ..)| *name == self.features);
@@ -176,7 +176,8 @@ impl Choice {
         };
     }
 
-    /// Sets the features of the predictor trained here. Returns whether this feature set exists.
+    /// Sets the features of the predictor that this page trains. Returns whether this feature set
+    /// exists.
     pub(super) fn set_features(&mut self, name: &str) -> bool {
         let known = FEATURES.iter().find(|(known, ..)| *known == name);
         if let Some((known, ..)) = known {
@@ -253,7 +254,7 @@ impl Choice {
         }
     }
 
-    /// Records that the predictor trained here is ready.
+    /// Records that the predictor trained by this page is ready.
     pub(super) fn trained(&mut self, fallback: Option<String>) {
         self.known = Some(Known { fallback, ..Known::default() });
     }

@@ -30,7 +30,7 @@ pub(super) struct Tuning {
     trouble: Option<String>,
 }
 
-/// Probability that a calibration may fail. It is the command line's default.
+/// Accepted probability that a calibration fails. It is the command line's default.
 const DELTA: f64 = 0.05;
 
 impl Default for Tuning {
@@ -105,7 +105,7 @@ impl Tuning {
         self.found.as_ref()
     }
 
-    /// Command-line flags for the same guarantee.
+    /// Command-line flags for the required coverage and guarantee.
     pub(super) fn flags(&self) -> String {
         let guarantee = if self.is_sure { "pac" } else { "conformal" };
         format!("--probability {} --guarantee {guarantee}", fixed(self.p, 2))
@@ -167,7 +167,8 @@ pub(super) fn section(explorer: &Explorer) -> Node {
         .children(it.found.as_ref().map(|found| result(explorer, found)))
 }
 
-/// Why there are too few tasks to calibrate a coverage of `p`. `None` if there are enough.
+/// The reason why there are too few tasks to calibrate a coverage of `p`. `None` if there are
+/// enough.
 pub(super) fn lacking(explorer: &Explorer, guarantee: Guarantee, p: f64) -> Option<String> {
     let needed = guarantee.needed(p).ok()?;
     let (choice, drives) = (&explorer.choice, &explorer.drives);

@@ -24,9 +24,9 @@ pub(super) struct AccessPage {
     made: Option<KeyMade>,
     /// Number of keys created. The form is reset after each new key.
     makings: u32,
-    /// The key that the user must confirm to revoke.
+    /// The key whose revocation the page asks the user to confirm.
     revoking: Option<i64>,
-    /// Why the last action failed.
+    /// The reason why the last action failed.
     trouble: Option<String>,
 }
 

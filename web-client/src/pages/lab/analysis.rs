@@ -27,7 +27,7 @@ pub(super) struct AnalysisView {
     /// The analysis to compare this one with.
     other: Option<AnalysisSummary>,
     predictors: Predictors,
-    /// Whether the user must confirm to delete the analysis.
+    /// Whether the page asks the user to confirm the deletion of the analysis.
     deleting: bool,
     trouble: Option<String>,
 }

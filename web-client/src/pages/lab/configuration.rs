@@ -1,5 +1,6 @@
-//! The configuration of a study: a form or a file, which is checked while the user edits it, the
-//! people who can take part, and the links for participants.
+//! The page of a study's configuration. It shows the study as a form or as a file, and the study is
+//! checked while the user edits it. It also shows who can take part, and the links for
+//! participants.
 //!
 //! The text of the study file is the draft. The form shows the draft, and the server converts input
 //! in the form back to text.
@@ -42,9 +43,10 @@ pub(super) struct ConfigurationPage {
     /// The stored configuration; `None` before it is loaded, and for a new study.
     base: Option<Configuration>,
     editor: Editor,
-    /// Whether the differences are shown and the user must confirm to store the draft.
+    /// Whether the page shows the differences and asks the user to confirm that the draft is
+    /// stored.
     confirming: bool,
-    /// Whether the study is incomplete, so that the user must confirm to open it.
+    /// Whether the study is incomplete and the page asks the user to confirm that it is opened.
     opening: bool,
     /// Whether the draft was just stored.
     stored: bool,

@@ -17,7 +17,7 @@ pub(super) struct Export {
     study: Option<StudySummary>,
     /// The configurations of the study, newest first.
     versions: Vec<ConfigurationVersion>,
-    /// Why there is nothing to show, or why it is outdated.
+    /// The reason why the page has no data, or why its data are outdated.
     trouble: Option<String>,
 }
 

@@ -18,7 +18,7 @@ pub(super) struct Home {
     may_manage: bool,
     /// Error message about the stored data, if the server found errors.
     faults: Option<String>,
-    /// Why the list is missing or outdated.
+    /// The reason why the list is missing or outdated.
     trouble: Option<String>,
 }
 

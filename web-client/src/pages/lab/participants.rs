@@ -25,7 +25,7 @@ pub(super) struct Participants {
     selection: Selection,
     study: Option<StudySummary>,
     page: Option<ParticipantPage>,
-    /// Why the list is missing or outdated.
+    /// The reason why the list is missing or outdated.
     trouble: Option<String>,
 }
 
@@ -47,7 +47,7 @@ pub(super) enum Msg {
     Sort(&'static str),
     /// Search for the entered text.
     Search(Form),
-    /// Show test runs instead of participants, or participants again.
+    /// Show pilots instead of participants, or participants again.
     Pilots(FieldValue),
     /// Show the page that begins after this number of participants.
     Page(u64),

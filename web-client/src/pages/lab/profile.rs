@@ -23,7 +23,7 @@ pub(super) struct Profile {
     found: Option<ParticipantDetail>,
     /// Number of changes sent. The forms are reset after each change.
     writings: u32,
-    /// Whether the user must confirm to delete the data.
+    /// Whether the page asks the user to confirm the deletion of the data.
     deleting: bool,
     trouble: Option<String>,
 }

@@ -44,7 +44,7 @@ pub trait Program: 'static {
     const HAS_PANES: bool;
 }
 
-/// Studies, participants, analyses, exports, access.
+/// The pages about studies, participants, analyses, exports and access.
 pub struct Laboratory;
 
 impl Program for Laboratory {

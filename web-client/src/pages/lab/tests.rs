@@ -155,7 +155,7 @@ impl Session {
         self.hear(&Event::Address(address(path)));
     }
 
-    /// Lets the solver return the value function for this vehicle.
+    /// Makes the solver return the value function for this vehicle.
     fn solved(&mut self, evader: Evader) {
         self.solver(of(evader), Solving::Solved(SOLVED.of(evader).encode()));
     }

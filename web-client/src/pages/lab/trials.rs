@@ -18,7 +18,7 @@ pub(super) struct Trials {
     trials: Vec<TrialSummary>,
     next_before: Option<i64>,
     state: State,
-    /// Why the last request for trials failed.
+    /// The reason why the last request for trials failed.
     trouble: Option<String>,
 }
 

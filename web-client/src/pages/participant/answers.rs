@@ -69,7 +69,8 @@ impl Participant {
         if stored.after_wrong == AfterWrong::Mark {
             return Vec::new();
         }
-        // This also applies to a participant who has returned to the instructions in the meantime.
+        // A participant who has returned to the instructions in the meantime gets new questions as
+        // well.
         self.renews = Some(stored.after_wrong);
         vec![self.ask_texts()]
     }

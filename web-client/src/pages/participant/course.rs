@@ -10,8 +10,8 @@ use crate::json;
 use crate::runtime::{Command, Commands, Event};
 use sidestep::trial::{Flag, Phase, outcome, page_flags};
 
-/// How much longer the page waits for the browser to draw the last picture of a scene (ms). A
-/// frozen browser may never draw this picture.
+/// Extra time that the page waits if the browser does not draw the last picture of a scene (ms). A
+/// frozen browser might never draw this picture.
 const UNDRAWN_MS: f64 = 3000.0;
 
 /// If the page notices the end of a countdown later than this (ms), the participant must start the

@@ -39,8 +39,8 @@ impl Participant {
         if self.study.is_none() || !matches!(self.stage, Stage::Loading) {
             return Vec::new();
         }
-        // With a session, both were requested a second time, and the page waits for the progress
-        // report.
+        // With a session, the study and its texts were requested a second time, and the page waits
+        // for the progress report.
         if !self.has_texts() || self.session.is_some() {
             return Vec::new();
         }

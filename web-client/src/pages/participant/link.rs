@@ -87,7 +87,7 @@ impl Link {
         format!("{}{}#{CONTINUE}{token}", self.address.origin, self.address.path)
     }
 
-    /// The storage name of the participant's session. Several people may use the same browser, so
+    /// The storage name of the participant's session. Several people can use the same browser, so
     /// the name contains the external id. Pilots and simulated participants have separate sessions.
     pub(super) fn session_name(&self, study: &StudyInfo) -> String {
         let mut name = format!("sidestep.session.{}", self.slug);

@@ -65,7 +65,7 @@ impl Participant {
         commands
     }
 
-    /// Why a request failed, in the participant's language.
+    /// The reason why a request failed, in the participant's language.
     pub(super) fn words(&self, failure: &Failure) -> String {
         match failure.status {
             _ if !self.has_texts() => failure.sentence.clone() + " This page keeps trying.",

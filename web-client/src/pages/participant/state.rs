@@ -63,7 +63,7 @@ pub(super) struct Stay {
 pub(super) enum Stage {
     #[default]
     Loading,
-    /// The participant cannot continue. Contains the key of the heading, and the reason.
+    /// The participant cannot continue. Contains the key of the title, and the reason.
     Stuck(&'static str, String),
     /// The device seems to have no keyboard.
     Touch,
@@ -87,7 +87,7 @@ pub(super) enum Stage {
     /// All scenes are driven, and the last trials are being uploaded.
     Finishing,
     Done(Option<String>, Option<String>),
-    /// The participation has ended early. Contains the keys of the heading and of the reason, and a
+    /// The participation has ended early. Contains the keys of the title and of the reason, and a
     /// link to follow.
     Ended(&'static str, &'static str, Option<String>),
     /// Another tab has taken over the participation.

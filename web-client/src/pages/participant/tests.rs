@@ -110,8 +110,8 @@ fn open(kept: BTreeMap<String, String>, study: &StudyConfig) -> Session {
 
 fn open_at(kept: BTreeMap<String, String>, study: &StudyConfig, link: &str) -> Session {
     let mut session = opened(kept, link);
-    // The study may be requested twice: a participant who has begun requests the version of the
-    // study at that time, and a person with an external id asks whether they can take part.
+    // The study can be requested twice: a participant who has begun requests the version in which
+    // they enrolled, and a person with an external id asks whether they can take part.
     while session.asked.iter().any(|request| request.name == "study") {
         session.send("study", 200, &StudyInfo::of(study, study.status.into()));
         if session.asked.iter().any(|request| request.name == "texts") {
@@ -178,7 +178,7 @@ impl Session {
         }
     }
 
-    /// Lets this time pass while frames are shown.
+    /// Advances the clock by this duration while frames are shown.
     fn pass(&mut self, ms: f64) {
         let until = self.now_ms + ms;
         while self.now_ms < until {
@@ -200,7 +200,7 @@ impl Session {
         self.send("upload", 201, &stored);
     }
 
-    /// Lets the server send the completion code.
+    /// Makes the server send the completion code.
     fn completed(&mut self) {
         self.send("complete", 200, &Completed { completion_code: "ABC".into(), return_url: None });
         assert!(self.text().contains("ABC"));

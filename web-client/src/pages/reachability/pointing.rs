@@ -53,14 +53,14 @@ impl Reachability {
         }
     }
 
-    /// Turns the tube with the pointer that has grabbed it, or scales the tube with the wheel.
+    /// Rotates the tube with the pointer that has grabbed it, or scales the tube with the wheel.
     pub(super) fn hold(&mut self, Pointing { at, does }: Pointing) {
         match does {
             Does::Press => self.held = Some((at, self.view.turned_deg)),
             Does::Drag => {
                 if let Some((from, [around, above])) = self.held {
-                    // A drag across the whole width is a full turn. A drag across the whole height
-                    // is half a turn.
+                    // A drag across the whole width rotates the tube by 360°. A drag across the
+                    // whole height rotates it by 180°.
                     let [right, down] = [0, 1].map(|d| at[d] - from[d]);
                     let turned = [around - (360.0 * right) as i16, above + (180.0 * down) as i16];
                     self.look_from(turned);

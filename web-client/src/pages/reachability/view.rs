@@ -65,7 +65,7 @@ fn seen(page: &Reachability) -> Node {
         .children(progress(page))
 }
 
-/// Why there is no picture, and what the user can do.
+/// Says why there is no picture, and what the user can do.
 fn missing(page: &Reachability) -> Node {
     let empty = el("div").class("empty").test_id("unsolved");
     let Some(why) = &page.missing else {
@@ -129,11 +129,11 @@ fn shown(page: &Reachability, found: &Found) -> Node {
     pictures.child(map(page, found)).children(world(page, found))
 }
 
-/// Explains how to turn the tube.
+/// Explains how to rotate the tube.
 const HINT: &str = "Drag it, or use the arrow keys, to turn it; the wheel, + and − change its size. Its ends at \
                     0° and 360° are the same.";
 
-/// The tube as a solid, or cuts through it at eight headings.
+/// The tube as a solid, or slices of it at eight headings.
 fn tube(page: &Reachability, found: &Found) -> Node {
     let level = number(page.view.level_m);
     let words =

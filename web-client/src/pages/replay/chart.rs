@@ -15,13 +15,13 @@ type Node = view::Node<Msg>;
 const WIDTH: f64 = 1000.0;
 const HEIGHT: f64 = 158.0;
 const FRAME: Frame = Frame { left: 0.0, top: 4.0, width: WIDTH, height: 96.0 };
-/// Height of the line that separates left turns (above it) from right turns (below it) in the strip
-/// of inputs.
+/// y (px, downwards) of the line that separates left turns (above it) from right turns (below it)
+/// in the strip of inputs.
 const MIDDLE: f64 = 117.0;
 /// Height of the bar for a turn.
 const BAR: f64 = 8.0;
-/// The strip of predicted probabilities. From top to bottom, it is divided into left, straight and
-/// right, in proportion to their probabilities.
+/// Top and bottom (px) of the strip of predicted probabilities. From top to bottom, it is divided
+/// into left, straight and right, in proportion to their probabilities.
 const PREDICTED: [f64; 2] = [134.0, 154.0];
 const LEFT: colours::Colour = colours::HUMAN;
 const RIGHT: colours::Colour = colours::SERIES[1];

@@ -60,9 +60,9 @@ pub(super) struct Choice {
     chosen: Chosen,
     /// Facts about the predictor, once it is loaded.
     known: Option<Known>,
-    /// Why there is no predictor.
+    /// The reason why there is no predictor.
     refused: Option<String>,
-    /// Why the last opened file cannot be used.
+    /// The reason why the last opened file cannot be used.
     unusable: Option<String>,
 }
 
@@ -88,8 +88,8 @@ struct Known {
     trained_on: Vec<String>,
     /// Number of features of a predictor from a file.
     features: usize,
-    /// How often the predictor's sets contain the future of the other tasks, if the server has
-    /// counted this.
+    /// How often the predictor's sets contain the future of the tasks that did not train it, if the
+    /// server has counted this.
     held: Option<Probabilities>,
 }
 
@@ -162,8 +162,8 @@ impl Choice {
         self.known.as_ref().map(|known| &*known.trained_on)
     }
 
-    /// How often the predictor's sets contain the future of the other tasks, if the server has
-    /// counted this.
+    /// How often the predictor's sets contain the future of the tasks that did not train it, if the
+    /// server has counted this.
     pub(super) fn held(&self) -> Option<&Probabilities> {
         self.known.as_ref().and_then(|known| known.held.as_ref())
     }

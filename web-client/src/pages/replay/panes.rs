@@ -68,7 +68,7 @@ impl Replay {
                 None => return Vec::new(),
             },
         };
-        // Until then, do not show the sets of the previous predictor.
+        // Until the new predictor is loaded, do not show the sets of the previous predictor.
         if let Some((_, playback)) = self.pane(pane) {
             let _ = playback.use_method(None);
         }

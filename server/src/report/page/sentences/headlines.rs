@@ -95,7 +95,8 @@ fn chosen(all: &[Told], [shown, hint, few, none]: [String; 4]) -> String {
     }
 }
 
-/// The expected headline of each finding about a comparison, in order, with its comparisons.
+/// The expected headline of each finding about a comparison, in order. Each headline is returned
+/// with the comparisons that determine it.
 pub(super) fn expected(files: &Files) -> Vec<(String, Vec<Told>)> {
     let of = |file: &str, pair| Told::all(files, file, "accuracy", pair);
     let safety = of("tests.csv", ("hrd", "d"));

@@ -190,7 +190,8 @@ impl Told {
     }
 }
 
-/// Numbers near this one that are printed equally with four decimal places.
+/// This number, and a number below and above it. The files have four decimal places, so the exact
+/// number is between the two.
 pub(super) fn near(number: f64) -> [f64; 3] {
     let less = if number == 0.0 { 0.0 } else { 6e-5 };
     [number - less, number, number + less]

@@ -29,7 +29,7 @@ impl Reader<'_> {
             self.lose("study_version", format!("of {slug}"), "it cannot be read")?;
         }
         if study.versions.is_empty() {
-            // A study always has a version, so its own row becomes version 1.
+            // A study always has a version, so the configuration in the study's row becomes version 1.
             study.versions.push((1, study.config_hash.clone(), study.created_at_ms, false));
         }
         for (hash, json) in std::mem::take(&mut study.configs) {

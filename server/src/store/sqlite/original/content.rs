@@ -1,4 +1,4 @@
-//! Whether the content of a file is still the database that was opened.
+//! Checks whether the content of a file is still the database that was opened.
 
 use super::super::mark::{self, Log, Mark, Place};
 use super::Original;
@@ -35,7 +35,8 @@ impl Original {
         }
     }
 
-    /// Whether a retry finds the mark. While SQLite writes the page, a read may be torn.
+    /// Whether the mark is found by a retry, or on the page to which VACUUM has moved it. While
+    /// SQLite writes the page, a read may be torn.
     pub(super) fn is_found_again(&self) -> bool {
         (1..=4).any(|attempt| {
             std::thread::sleep(Duration::from_millis(5 * attempt));
@@ -50,7 +51,8 @@ impl Original {
         let Some((identity, _)) = known.filter(|(known, _)| *known == found.identity) else {
             return false;
         };
-        // A copy has another arrangement of pages, too, but the log has no mark at this place.
+        // A copy that was written over the file can also have its mark on another page. But then
+        // the log has no mark on this page.
         let log = Log::read(self.file.log(), Some(&(found, place)), None);
         if !log.is_ok_and(|log| log.is_none_or(|log| log.is_of_place())) {
             return false;

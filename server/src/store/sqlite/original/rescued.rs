@@ -45,7 +45,7 @@ impl Original {
         let _ = self.lost.set(error);
     }
 
-    /// Why the file could not be used when the writer ended, if its data were not rescued.
+    /// The reason why the file could not be used when the writer ended, if its data were not rescued.
     pub(in crate::store::sqlite) fn lost(&self) -> Option<StoreError> {
         self.lost.get().cloned()
     }

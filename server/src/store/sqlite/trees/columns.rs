@@ -19,7 +19,7 @@ pub(super) struct Column {
     kind: Kind,
     /// Whether the column is NOT NULL.
     is_required: bool,
-    /// Whether rows older than the column have a value in it.
+    /// Whether the column has a default value for rows that are older than the column.
     has_default: bool,
 }
 

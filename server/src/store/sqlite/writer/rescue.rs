@@ -10,9 +10,9 @@ use std::io::Seek;
 use std::path::{Path, PathBuf};
 
 impl Thread {
-    /// Rescues the data into another file. If the content is intact, writes all data. Otherwise, if the
-    /// file is still in place, copies only the log. If the file is not in place, copies the open file
-    /// and its log.
+    /// Rescues the data into another file. If the content is intact, writes all data. Otherwise, if
+    /// the file is still at its path, copies only the log. If the file is not at its path, copies
+    /// the open file and its log.
     pub(super) fn rescue(&mut self) {
         if !self.original.lacks_rescue() {
             return;

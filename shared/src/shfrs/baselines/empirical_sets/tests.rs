@@ -50,8 +50,8 @@ fn family(kind: EmpiricalFamily, training: &[Trajectory], steps: usize) -> Box<d
     }
 }
 
-/// The distance (m) by which the positions of a window's future are inside the sets of their
-/// steps. Negative if a position is outside.
+/// The smallest distance (m) by which a position of the window's future is inside the set of its
+/// step. Negative if a position is outside.
 fn inside_by(set: &EmpiricalSet, window: &Window<'_>) -> f64 {
     let positions = window.future().iter().map(|state| state.human.position());
     let inside = set.steps.iter().zip(positions).map(|(step, at)| -signed_distance(step, at));

@@ -42,10 +42,10 @@ pub(super) struct Editor {
     /// updates the form.
     text_givings: u32,
     mode: Mode,
-    /// Whether the slug is derived from the title, until the user enters a slug.
+    /// Whether the slug is derived from the title. This ends when the user enters a slug.
     names_itself: bool,
-    /// The number of edits so far (`entered`), at the time of the last request to the server
-    /// (`asked`), and at the time of the last answered request (`answered`).
+    /// Numbers of edits: so far (`entered`), before the last request to the server (`asked`), and
+    /// before the last answered request (`answered`).
     entered: u32,
     asked: u32,
     answered: u32,

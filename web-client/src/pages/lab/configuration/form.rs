@@ -30,7 +30,7 @@ pub(super) struct Form<'a> {
     pub(super) picture: Option<Node>,
 }
 
-/// A section: its heading, the path of its fields, a short summary, and the fields.
+/// A section: its title, the path of its fields, a short summary, and the fields.
 struct Section {
     name: &'static str,
     path: &'static str,

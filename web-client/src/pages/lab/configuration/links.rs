@@ -1,4 +1,4 @@
-//! The links for participants, with one for each recruiting service.
+//! The links for participants. Each recruiting service has its own link.
 
 use super::Msg;
 use crate::view::{self, el};

@@ -59,8 +59,8 @@ pub(super) fn taking_part(page: &ConfigurationPage, study: &StudySummary) -> Nod
     section.children(links.map(|info| links::links(&page.origin, info)))
 }
 
-/// The list of missing parts, while the user must confirm to open the study. `anyway` is the
-/// message of the button that confirms.
+/// The list of missing parts, while the page asks the user to confirm that the study is opened.
+/// `anyway` is the message of the button that confirms.
 pub(super) fn opening(page: &ConfigurationPage, anyway: Msg) -> Option<Node> {
     let missing = page.editor.warnings().iter();
     let missing = missing.map(|warning| el("li").text(&warning.message));

@@ -21,7 +21,7 @@ pub(super) struct Selection {
     pub(super) descending: bool,
     /// Number of participants before the current page.
     pub(super) offset: u64,
-    /// Whether test runs are shown instead of participants.
+    /// Whether pilots are shown instead of participants.
     pub(super) pilots: bool,
 }
 

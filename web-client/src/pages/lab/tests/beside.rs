@@ -233,8 +233,8 @@ fn learned_sets(family: EmpiricalFamily) -> LearnedSets {
     LearnedSets { sets: fitted.sets, trials: 6, held }
 }
 
-/// Sets learned from recorded futures have levels instead of ε, and no probabilities of inputs.
-/// They are counted over the tasks that did not train them.
+/// Sets learned from recorded futures have levels instead of ε, and no probabilities of inputs. How
+/// often they contain the future is counted over the tasks that did not train them.
 #[test]
 fn learned_sets_say_their_levels_and_no_inputs() {
     for (family, level) in [

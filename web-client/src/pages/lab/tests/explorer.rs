@@ -223,7 +223,7 @@ fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
             "{k}"
         );
     }
-    // Settings in a link are checked in the same way.
+    // Settings in a link are checked in the same way as settings in the controls.
     let link = "/lab/explorer/p?T=20&eps=0.59,0.39,1";
     let mut session = opened(link);
     let said = session.words("complaint").unwrap();
@@ -257,7 +257,7 @@ fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
     let said = session.words("not-counted").unwrap();
     assert!(said.contains("Steps ahead, T: expected at most 50"), "{said}");
     assert!(session.areas()[4].parse::<f64>().unwrap() > 100.0);
-    // If the last set does not contain everything, the sets cannot be counted either.
+    // If the last set does not contain every reachable position, the sets cannot be counted either.
     session.slide("steps", 10.0);
     session.slide("epsilon-4", 0.5);
     session.evaluate("evaluator");

@@ -114,7 +114,8 @@ fn a_link_that_is_not_valid_says_what_is_wrong() {
     let mut session = opened("/lab/replay/t?t=3.4&hr=1,0");
     let said = session.words("misread").unwrap();
     assert!(said.contains("hr: expected 1 to 8 rising levels"), "{said}");
-    // Fields are checked in the same way. An invalid input leaves the previous value unchanged.
+    // Fields are checked in the same way as links. An invalid input leaves the previous value
+    // unchanged.
     session.choose("levels-hr", "0,1");
     assert_eq!(session.words("misread"), None);
     session.choose("levels-hr", "many");
@@ -284,7 +285,8 @@ fn sets_say_how_often_they_hold_the_future() {
     assert!(words.contains("492 windows of 12 tasks"), "{words}");
     assert!(session.evaluators.is_empty(), "it is not needed any more");
 
-    // With another predictor, counting starts again, without the tasks that trained this predictor.
+    // If another predictor is chosen, counting starts again. It leaves out the tasks that trained
+    // the new predictor.
     session.choose("choose-predictor", "a1/models/m.json");
     assert_eq!(session.words("p-0"), None, "there are no sets either");
     let trained = PREDICTOR.replace("\"trials\":7", "\"trials\":2,\"trained_on\":[\"t0\",\"t5\"]");

@@ -90,7 +90,7 @@ fn feedback_stays_as_long_as_the_study_says_from_when_it_is_seen() {
     );
 }
 
-/// The browser may never draw the page again.
+/// The page continues even if the browser never draws the end of a scene.
 #[test]
 fn what_is_never_drawn_ends_too() {
     let mut session = begun();

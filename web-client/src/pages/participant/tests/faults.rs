@@ -79,7 +79,7 @@ fn a_withdrawal_is_sent_until_it_is_stored_unless_the_person_goes_back() {
 
 #[test]
 fn a_link_that_is_wrong_leaves_the_participation_of_this_browser_alone() {
-    // First, in a browser that has stored nothing.
+    // First, the link is opened in a browser that has stored nothing.
     let mut stranger = opened(BTreeMap::new(), "#continue=forged");
     stranger.send("study", 200, &StudyInfo::of(&StudyConfig::default(), Status::Open.into()));
     stranger.send("texts", 200, &texts());
@@ -87,7 +87,7 @@ fn a_link_that_is_wrong_leaves_the_participation_of_this_browser_alone() {
     assert!(stranger.asked.is_empty(), "what would come later says nothing of the link");
     assert!(stranger.words("trouble").unwrap().contains("not valid"));
     assert!(stranger.words("consent").is_some());
-    // Then, in the browser of a participant.
+    // Then, the link is opened in the browser of a participant.
     let kept = begun().kept;
     let mut session = open_at(kept.clone(), &StudyConfig::default(), "#continue=forged");
     assert_eq!(session.asked[0].token.as_deref(), Some("forged"));

@@ -1,5 +1,5 @@
 //! Tests of everything before the first scene: who can take part, consent, keys, languages, links
-//! and test runs.
+//! and pilots.
 
 use super::*;
 

@@ -109,7 +109,7 @@ pub(super) fn done(page: &Participant, code: Option<&str>, url: Option<&str>) ->
         .children(debrief)
 }
 
-/// The link back to the recruiting service, or a notice that the page may be closed.
+/// The link back to the recruiting service, or a notice that the page can be closed.
 fn way_back(url: Option<&str>, words: &str, close: &str) -> Node {
     match url {
         Some(url) => el("p")
@@ -134,7 +134,7 @@ pub(super) fn elsewhere(page: &Participant) -> Node {
 }
 
 pub(super) fn withdrawal(page: &Participant) -> Node {
-    // With a withdrawal, the server keeps only the data that it already has. So the trials in the
+    // After a withdrawal, the server keeps only the data that it already has. So the trials in the
     // outbox are sent first.
     let keep = button("withdraw-keep", Msg::Withdraw(false), &page.say("withdraw.keep")).attr_if(
         !page.outbox.is_empty(),

@@ -7,7 +7,7 @@ use crate::pages::parts;
 use crate::texts::Sentences as _;
 use crate::view::el;
 
-/// A card whose heading takes the focus when the card appears.
+/// A card whose title takes the focus when the card appears.
 pub(super) fn card(heading: &str) -> Node {
     el("main").class("card").key(heading).child(parts::heading(heading))
 }

@@ -136,7 +136,7 @@ fn keys(page: &Participant) -> Node {
             .child(el("kbd").text(printed))
             .text(format!(" {}", page.say(words)))
     };
-    // Names beside moving vehicles would distract, so the names are shown here.
+    // Names beside moving vehicles would distract, so the names are shown below the scene.
     let name = |of: &str, tail: &str, name: &str| el("b").class(of).text(tail).text(name);
     el("footer").class("keys").attr("aria-hidden", "true").children([
         name("human", "●▸ ", &page.names[0]),

@@ -68,8 +68,8 @@ fn only_moves_that_matter_compare_again() {
     };
     assert!(idle(&mut session));
     assert_eq!(session.words("areas-twin"), before);
-    // After hundreds of changes, only one question is asked, when the sets of the last change are
-    // counted.
+    // After hundreds of changes, only one question is asked. It is asked when the sets of the last
+    // change have been counted.
     for i in 0..300_u32 {
         session.slide("steps", f64::from(4 + i % 6));
         assert!(idle(&mut session));
@@ -197,7 +197,7 @@ fn too_few_tasks_are_told_in_a_sentence() {
     session.evaluate("comparer");
     assert!(session.words("not-comparable").is_none() && session.words("lacking").is_none());
     assert!(session.words("areas-words").is_some());
-    // Tuning over more steps than the tasks have fails as well.
+    // Tuning also fails if it needs more steps than the tasks have.
     let mut session = compared("/lab/explorer/p");
     session.slide("steps", 100.0);
     session.evaluate("evaluator");
