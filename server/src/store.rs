@@ -1,9 +1,10 @@
 //! The database as operations. Only this module and its submodules contain SQL.
 //!
 //! [`Store`] has one method for each operation. Each submodule has the operations of one aggregate.
-//! Arguments and results are domain types, outcomes are enums, and [`StoreError`] describes a failure in
-//! domain terms. Every operation can return this error. A method documents it only if it has a special
-//! meaning there. Connections, transactions and error codes are private to this folder.
+//! Arguments and results are domain types, outcomes are enums, and [`StoreError`] describes a
+//! failure in domain terms. Every operation can return this error. The docs of a method mention the
+//! error only if it has a special meaning for this method. Connections, transactions and error
+//! codes are private to this folder.
 //!
 //! There are two back ends. SQLite is a file (`sqlite`). PostgreSQL is a server that several
 //! Sidestep servers share (`postgres`). Both run the same statements (`sql`).
@@ -79,7 +80,7 @@ enum Database {
     Postgres(Postgres),
 }
 
-/// An invalid address for use in messages. It never contains a password.
+/// An invalid address as messages show it. All parts that could contain a password are replaced.
 #[must_use]
 pub fn harmless(url: &str) -> String {
     match url.split_once(':') {
@@ -95,10 +96,10 @@ pub fn harmless(url: &str) -> String {
 
 impl Store {
     /// Opens the database at `url` (`sqlite:FILE` or `postgres://…`) and applies missing
-    /// migrations, unless it is opened to read.
+    /// migrations, unless `purpose` is only to read.
     ///
     /// # Errors
-    /// [`OpenError`], in one line. In this case the database is unchanged.
+    /// [`OpenError`], whose message is one line. In this case the database is unchanged.
     pub async fn open(url: &str, purpose: Purpose) -> Result<Self, OpenError> {
         let url = url.to_owned();
         let opening = tokio::task::spawn_blocking(move || {
@@ -135,7 +136,8 @@ impl Store {
         Ok(Some(file.path().to_owned()))
     }
 
-    /// Why a file that SQLite could overwrite or delete must not be a database or a backup.
+    /// The reason why this file must not be a database or a backup: SQLite could overwrite or
+    /// delete a file with this name. `None` if the name is allowed.
     #[must_use]
     pub fn refused_name(file: &Path) -> Option<&'static str> {
         DatabaseFile::is_companion(file).then_some(COMPANION)
@@ -224,7 +226,7 @@ impl Store {
         }
     }
 
-    /// Whether other servers may use this database.
+    /// Whether other servers can use this database at the same time.
     #[must_use]
     pub fn is_shared(&self) -> bool {
         matches!(self.open.database, Database::Postgres(_))
@@ -379,8 +381,8 @@ impl Store {
         result_of(None, once(read), |operation| self.open.database.read_long(operation)).await
     }
 
-    /// Like [`Self::write`], for a trial. It runs before all other writes, and runs again if another
-    /// trial of its transaction fails.
+    /// Like [`Self::write`], for an operation that stores a trial. The operation runs before all
+    /// other waiting writes. It runs again if another trial in the same transaction fails.
     async fn write_first<T: Send + 'static, const N: usize>(
         &self,
         locks: [Lock; N],
@@ -401,7 +403,7 @@ impl Store {
         self.write_in(Lane::Request, locks.into(), work).await
     }
 
-    /// Like [`Self::write`], for an enrolment. While participants drive, PostgreSQL runs one
+    /// Like [`Self::write`], for an enrolment. While trials are arriving, PostgreSQL runs one
     /// enrolment at a time.
     async fn write_enrolment<T: Send + 'static, const N: usize>(
         &self,
@@ -432,21 +434,21 @@ impl Store {
 }
 
 impl Database {
-    async fn read(&self, operation: Box<dyn Operation>) {
+    async fn read(&self, operation: Operation) {
         match self {
             Self::Sqlite(database) => database.read(operation),
             Self::Postgres(database) => database.read(operation).await,
         }
     }
 
-    async fn read_long(&self, operation: Box<dyn Operation>) {
+    async fn read_long(&self, operation: Operation) {
         match self {
             Self::Sqlite(database) => database.read_long(operation).await,
             Self::Postgres(database) => database.read_long(operation).await,
         }
     }
 
-    async fn write(&self, lane: Lane, locks: Vec<Lock>, operation: Box<dyn Operation>) {
+    async fn write(&self, lane: Lane, locks: Vec<Lock>, operation: Operation) {
         match self {
             Self::Sqlite(database) => database.write(lane, operation),
             Self::Postgres(database) => database.write(lane, locks, operation).await,

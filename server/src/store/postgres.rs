@@ -1,9 +1,10 @@
 //! PostgreSQL: a database server that several Sidestep servers share.
 //!
 //! Each operation runs in its own transaction, at isolation level READ COMMITTED, on a session of
-//! the connection pool. Waiting trials share a transaction. An operation first locks the data that
-//! it reads and depends on ([`Lock`]). After a connection error, the session and all idle sessions
-//! are discarded. So service resumes as soon as the database or a new primary is available.
+//! the connection pool. Only waiting trials share a transaction. An operation first locks the data
+//! that it reads and depends on ([`Lock`]). After a connection error, the session and all idle
+//! sessions are discarded. So service resumes as soon as the database or a new primary is
+//! available.
 
 mod address;
 mod sessions;
@@ -29,8 +30,8 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task;
 use trials::{Trials, Waiting};
 
-/// Maximum number of sessions for each purpose. Sessions that write trials take turns with the
-/// trial sessions of other servers.
+/// Maximum number of sessions for each purpose. For writes of trials, a second limit applies to all
+/// servers together (see [`Sessions::writers`]).
 const SESSIONS: [usize; 5] = [4, 2, 1, 5, 4];
 
 /// The purposes: writes of trials, writes for other requests, writes for jobs, short reads, long reads.
@@ -46,10 +47,10 @@ const QUEUE: usize = 1_024;
 /// Interval at which a server polls for other servers' changes, while a client watches.
 const WATCH: Duration = Duration::from_millis(500);
 
-/// Ends a transaction that writes. After a failed statement, COMMIT would roll back without an error.
-/// The query before COMMIT detects this case, because every query fails after a failed statement. The
-/// query returns the LSN up to which this commit acknowledges the write-ahead log. Other servers are
-/// notified after the commit, never before.
+/// Ends a transaction that writes. After a failed statement, COMMIT would roll back without an
+/// error. The query before COMMIT detects this case, because every query fails after a failed
+/// statement. The query returns the current LSN. The commit acknowledges the write-ahead log up to
+/// this LSN. Other servers are notified after the commit, never before.
 const COMMIT: &str = "SELECT CAST(pg_current_wal_insert_lsn() - '0/0' AS BIGINT); COMMIT; \
      SELECT nextval('changed')";
 
@@ -67,7 +68,7 @@ pub(super) struct Postgres {
     enrolments: Kind,
 }
 
-/// State that operations share with their threads.
+/// The state that the threads of all operations share.
 struct Shared {
     sessions: Sessions,
     trials: Trials,
@@ -168,7 +169,8 @@ impl Postgres {
         }
         drop(db);
         let mut counts = SESSIONS;
-        // More sessions would only wait for their turn.
+        // All servers together run at most this many transactions that store trials. More sessions
+        // would only wait.
         counts[TRIALS] = counts[TRIALS].min(sessions.writers());
         let (kinds, enrolments) = (counts.map(Kind::new), Kind::new(1));
         let (trials, observed) = Default::default();
@@ -251,7 +253,7 @@ impl Postgres {
     }
 
     /// Reads a few rows.
-    pub(super) async fn read(&self, mut operation: Box<dyn Operation>) {
+    pub(super) async fn read(&self, mut operation: Operation) {
         let turn = match self.kinds[READS].turn().await {
             Ok(turn) => turn,
             Err(error) => return operation.answer(Err(error)),
@@ -265,7 +267,7 @@ impl Postgres {
     }
 
     /// Reads any number of rows from one snapshot.
-    pub(super) async fn read_long(&self, operation: Box<dyn Operation>) {
+    pub(super) async fn read_long(&self, operation: Operation) {
         // A read of most rows of a table should scan it sequentially.
         const BEGIN: &str =
             "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY; SET LOCAL enable_seqscan = on";
@@ -274,7 +276,7 @@ impl Postgres {
     }
 
     /// Runs an operation, and answers it after the commit.
-    pub(super) async fn write(&self, lane: Lane, locks: Vec<Lock>, operation: Box<dyn Operation>) {
+    pub(super) async fn write(&self, lane: Lane, locks: Vec<Lock>, operation: Operation) {
         let kind = match lane {
             Lane::Trial => return self.write_trial(locks, operation).await,
             Lane::Request | Lane::Enrolment => REQUESTS,
@@ -293,8 +295,8 @@ impl Postgres {
     }
 
     /// Queues a trial. The first caller to get a session stores a batch of waiting trials. The work
-    /// runs again if another trial of its transaction fails.
-    async fn write_trial(&self, locks: Vec<Lock>, operation: Box<dyn Operation>) {
+    /// of a trial runs again if another trial of its transaction fails.
+    async fn write_trial(&self, locks: Vec<Lock>, operation: Operation) {
         if let Err(refused) = self.shared.trials.push(Waiting { locks, operation }) {
             return refused.operation.answer(Err(StoreError::Busy));
         }
@@ -307,7 +309,7 @@ impl Postgres {
         let shared = Arc::clone(&self.shared);
         task::spawn_blocking(move || {
             let _turn = turn;
-            // Callers that found too many other callers waiting rely on this caller.
+            // Callers that did not wait, because too many callers were waiting, rely on this caller.
             while shared.trials.count() > 0 {
                 shared.write_trials();
             }
@@ -320,7 +322,7 @@ impl Postgres {
         kind: usize,
         other_turn: Option<OwnedSemaphorePermit>,
         [begin, commit]: [String; 2],
-        mut operation: Box<dyn Operation>,
+        mut operation: Operation,
     ) {
         let turn = match self.kinds[kind].turn().await {
             Ok(turn) => turn,

@@ -58,7 +58,8 @@ pub(super) struct Sqlite {
 }
 
 impl Sqlite {
-    /// Opens the file and applies missing migrations. If the purpose is to read, a copy is migrated instead.
+    /// Opens the file and applies missing migrations. If the purpose is only to read, the file is
+    /// not changed. If it has an older version, a migrated copy of it is opened.
     pub(super) fn open(named: DatabaseFile, purpose: Purpose) -> Result<Self, OpenError> {
         let name = || named.path().display().to_string();
         let is_alone = matches!(purpose, Purpose::Alone | Purpose::Copy);
@@ -138,8 +139,8 @@ impl Sqlite {
             }
             Ok(state)
         });
-        // A copy made while a server was writing mixes two states. Applying a log to the copy would
-        // not repair it.
+        // A file that was copied while a server was writing mixes two states. Applying a log to
+        // such a file would not repair it.
         let is_left = checked.is_ok()
             && purpose != Purpose::Read
             && named.has_log()
@@ -283,7 +284,8 @@ impl Sqlite {
         self.watch.lock().unwrap_or_else(PoisonError::into_inner).take();
         self.readers.close();
         self.writer.close();
-        // The lock comes last, because closing any handle of the file releases SQLite's locks on it.
+        // This lock is released last, because closing any handle of the file releases SQLite's
+        // locks on it.
         self.lock.lock().unwrap_or_else(PoisonError::into_inner).take();
     }
 
@@ -311,15 +313,15 @@ impl Sqlite {
         self.file.free_bytes()
     }
 
-    pub(super) fn read(&self, operation: Box<dyn Operation>) {
+    pub(super) fn read(&self, operation: Operation) {
         self.readers.short(operation);
     }
 
-    pub(super) async fn read_long(&self, operation: Box<dyn Operation>) {
+    pub(super) async fn read_long(&self, operation: Operation) {
         self.readers.long(operation).await;
     }
 
-    pub(super) fn write(&self, lane: Lane, operation: Box<dyn Operation>) {
+    pub(super) fn write(&self, lane: Lane, operation: Operation) {
         self.writer.submit(lane, operation);
     }
 }

@@ -17,7 +17,7 @@ pub(super) struct Waiting {
     /// The locks that the trial needs.
     pub(super) locks: Vec<Lock>,
     /// The operation that stores the trial.
-    pub(super) operation: Box<dyn Operation>,
+    pub(super) operation: Operation,
 }
 
 /// After a trial arrives, more trials are expected for this long.
@@ -45,7 +45,7 @@ impl Trials {
         Ok(())
     }
 
-    /// Whether participants are driving, so that trials arrive continuously.
+    /// Whether a trial has arrived recently, so that more trials are expected.
     pub(super) fn are_coming(&self) -> bool {
         let newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
         newest.is_some_and(|newest| newest.elapsed() < COMING)
@@ -72,10 +72,11 @@ impl Trials {
 /// Each transaction takes one lock. See [`Lock::numbers`] for the other locks.
 const TURN: i32 = 1_000;
 
-/// Statements that begin a transaction when it gets its turn. All servers together run at most
-/// `writers` transactions that store trials. With more transactions than PostgreSQL has cores, each
-/// takes longer, and fewer trials share one. The statements try the locks from `first` on. If all
-/// are taken, they wait for lock `first`.
+/// Statements that begin a transaction and wait for one of the advisory locks. So all servers
+/// together run at most `writers` transactions that store trials at a time. If there were more
+/// transactions than PostgreSQL has cores, each transaction would take longer and store fewer
+/// trials. The statements try all locks, beginning with lock `first`. If all locks are taken, they
+/// wait for lock `first`.
 fn begin_in_turn(writers: usize, first: usize) -> String {
     let turns = (0..writers).map(|i| (first + i) % writers);
     let tries: String = turns
@@ -108,7 +109,7 @@ impl Shared {
                     let mut alone = Some(alone);
                     let committed =
                         self.write_together(|| alone.take().into_iter().collect(), &mut stored);
-                    // The trial is still here if its transaction never began.
+                    // If the transaction never began, the trial was not taken, and is answered, too.
                     stored.extend(alone);
                     self.answer(stored, committed);
                 }
@@ -128,7 +129,8 @@ impl Shared {
         }
     }
 
-    /// Begins a transaction when it gets its turn, moves trials from `take` into `batch`, and stores them.
+    /// Begins a transaction with [`begin_in_turn`], moves trials from `take` into `batch`, and
+    /// stores them.
     fn write_together(
         &self,
         take: impl FnOnce() -> Vec<Waiting>,

@@ -33,7 +33,7 @@ impl Readers {
 
     /// Reads a few rows on the calling thread. Readers never wait in WAL mode, and reading a few rows
     /// takes some microseconds. Handing the work to another thread would take longer.
-    pub(super) fn short(&self, mut operation: Box<dyn Operation>) {
+    pub(super) fn short(&self, mut operation: Operation) {
         let done = self.with(|db| operation.run(db));
         operation.answer(done);
     }
@@ -57,7 +57,7 @@ impl Readers {
     }
 
     /// Reads any number of rows from one snapshot of the database.
-    pub(super) async fn long(self: &Arc<Self>, mut operation: Box<dyn Operation>) {
+    pub(super) async fn long(self: &Arc<Self>, mut operation: Operation) {
         let Ok(permit) = Arc::clone(&self.long).acquire_owned().await else {
             return operation.answer(Err(StoreError::closed()));
         };

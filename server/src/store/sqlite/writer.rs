@@ -7,11 +7,11 @@
 //! The next batch opens a new connection, so writing resumes as soon as the disk accepts writes
 //! again.
 //!
-//! There are three queues (lanes). Trials go first, because a browser waits for each. Other requests
-//! follow, but only for about the duration of a commit. So even if a whole class enrols at the same
-//! time, it hardly delays participants who are driving. Background work (files and cells of an
-//! analysis, value functions) runs in separate transactions, one operation between two batches, so that
-//! requests wait for at most one such operation.
+//! There are three queues (lanes). Trials go first, because a browser waits for each of them. Other
+//! requests follow, but only for about the duration of a commit. So even if a whole school class
+//! enrols at the same time, the enrolments hardly delay participants who are driving. Background
+//! work (files and cells of an analysis, value functions) runs in separate transactions, one
+//! operation between two batches, so that requests wait for at most one such operation.
 
 mod queue;
 mod rescue;
@@ -34,8 +34,8 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
-/// Minimum time from one commit to the next while requests come faster than commits end. It is below
-/// the time that a client notices.
+/// Minimum time from one commit to the next while requests arrive faster than commits end. A client
+/// does not notice this delay.
 const COMMIT_INTERVAL: Duration = Duration::from_millis(3);
 
 /// Pause between two attempts to empty the log.
@@ -97,7 +97,7 @@ impl Writer {
     }
 
     /// Queues an operation, which is answered after its commit.
-    pub(super) fn submit(&self, lane: Lane, operation: Box<dyn Operation>) {
+    pub(super) fn submit(&self, lane: Lane, operation: Operation) {
         self.queue.push(lane, operation);
     }
 
@@ -163,7 +163,7 @@ struct Thread {
     file: DatabaseFile,
     /// The file that was opened at the start. The thread never writes to another file.
     original: Arc<Original>,
-    /// Readers may have the file open while the writer does not.
+    /// Readers can have the file open while the writer does not.
     readers: Arc<Readers>,
     /// `None` after an error. The next batch opens another connection.
     db: Option<Connection>,
@@ -177,8 +177,9 @@ impl Thread {
     fn run(mut self) {
         let (mut last_background, mut begun) = (Instant::now(), Instant::now());
         loop {
-            // Whoever waits at the end of a commit came during it, so more will come at once. Fewer,
-            // larger commits then leave the processors time for requests.
+            // Requests that wait at the end of a commit arrived during the commit, so more requests
+            // will probably arrive soon. With fewer and larger commits, the processors have more
+            // time for requests.
             if self.queue.has_requests() {
                 std::thread::sleep(COMMIT_INTERVAL.saturating_sub(begun.elapsed()));
             }
@@ -207,7 +208,7 @@ impl Thread {
         }
     }
 
-    /// Commits a batch whose first `trials` operations store trials, or refuses all of it.
+    /// Commits a batch whose first `trials` operations store trials, or refuses the whole batch.
     fn write(&mut self, mut batch: Batch, trials: usize) {
         let mut others = batch.split_off(trials);
         batch.retain(|operation| operation.is_wanted());
@@ -287,7 +288,7 @@ impl Thread {
             // An operation alone needs no savepoint.
             ([alone], []) | ([], [alone]) => {
                 done = 1 - trials;
-                if let Err(error) = attempt(db, &mut **alone) {
+                if let Err(error) = attempt(db, alone) {
                     if error.ends_transaction() {
                         return Err(error);
                     }
@@ -297,11 +298,12 @@ impl Thread {
             }
             _ => {
                 run_trials(db, first)?;
-                // Runs at least one operation, and more while there is time. The time is limited,
-                // because a trial that arrives meanwhile waits for all of them.
+                // Runs at least one operation, and more operations until a time limit. The time is
+                // limited, because a trial that arrives during this time waits for all these
+                // operations.
                 let begun = Instant::now();
                 for operation in others {
-                    run(db, &mut **operation)?;
+                    run(db, operation)?;
                     done += 1;
                     if begun.elapsed() >= self.disk.max(COMMIT_INTERVAL) {
                         break;
@@ -349,10 +351,10 @@ fn open(file: &DatabaseFile, original: &Original) -> Result<Connection, StoreErr
 /// Stores trials together. If one of them fails, each trial is stored in its own savepoint.
 /// Savepoints are not the default, because they cost two more statements per trial, and separate
 /// statements for the rows of each trial.
-fn run_trials(db: &Connection, trials: &mut [Box<dyn Operation>]) -> Result<(), StoreError> {
+fn run_trials(db: &Connection, trials: &mut [Operation]) -> Result<(), StoreError> {
     match trials {
         [] => return Ok(()),
-        [alone] => return run(db, &mut **alone),
+        [alone] => return run(db, alone),
         _ => {}
     }
     db.control("SAVEPOINT trials")?;
@@ -363,21 +365,21 @@ fn run_trials(db: &Connection, trials: &mut [Box<dyn Operation>]) -> Result<(), 
         // After some errors SQLite has rolled back the whole transaction, and the savepoint is gone.
         db.roll_back("ROLLBACK TO trials").map_err(|_| error)?;
         for trial in trials {
-            run(db, &mut **trial)?;
+            run(db, trial)?;
         }
     }
     Ok(db.control("RELEASE trials")?)
 }
 
 /// Runs an operation and its deferred statements.
-fn attempt(db: &Connection, operation: &mut dyn Operation) -> Result<(), StoreError> {
+fn attempt(db: &Connection, operation: &mut Operation) -> Result<(), StoreError> {
     operation.run(db)?;
     db.settle().map_err(StoreError::from).inspect_err(|error| operation.fail(error))
 }
 
 /// Runs an operation in a savepoint, so that only a failed operation is undone. If this function
 /// returns an error, the whole transaction has failed.
-fn run(db: &Connection, operation: &mut dyn Operation) -> Result<(), StoreError> {
+fn run(db: &Connection, operation: &mut Operation) -> Result<(), StoreError> {
     db.control("SAVEPOINT operation")?;
     if let Err(error) = attempt(db, operation) {
         if error.ends_transaction() {

@@ -21,9 +21,9 @@ const BACKGROUND_PAUSE: Duration = Duration::from_millis(50);
 
 #[derive(Default)]
 pub(super) struct Lanes {
-    pub(super) trials: VecDeque<Box<dyn Operation>>,
-    pub(super) requests: VecDeque<Box<dyn Operation>>,
-    pub(super) background: VecDeque<Box<dyn Operation>>,
+    pub(super) trials: VecDeque<Operation>,
+    pub(super) requests: VecDeque<Operation>,
+    pub(super) background: VecDeque<Operation>,
     /// When to try to empty the log. `None` unless emptying the log was requested.
     pub(super) empty_log_at: Option<Instant>,
     /// Whether a rescue was requested, because another process has changed the file.
@@ -57,7 +57,7 @@ impl Queue {
         self.lanes.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn push(&self, lane: Lane, operation: Box<dyn Operation>) {
+    pub(super) fn push(&self, lane: Lane, operation: Operation) {
         let mut lanes = self.lanes();
         if lanes.closed {
             return operation.answer(Err(StoreError::closed()));
