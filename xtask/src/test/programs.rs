@@ -50,37 +50,18 @@ struct Profile {
     test: bool,
 }
 
-/// Cargo's arguments for the tests in the server's package. The package's own code is compiled again
-/// for these tests, with little optimisation. This saves minutes, and the tests run for seconds. The
-/// arguments also select tests of other packages. If cargo selected only the server's package, it
-/// would compile dependencies again with other features.
-const OF_SERVER: [&str; 5] = [
-    "--lib",
-    "--test",
-    "memory",
-    "--config",
-    "profile.release.package.sidestep-server.opt-level=1",
-];
-
 /// Compiles every test program.
 ///
 /// # Errors
 /// If compiling fails.
 pub(super) fn compile(workspace: &Workspace) -> Result<Vec<Program>> {
-    let compiled = |name: &'static str, cargo: &mut Command| {
-        eprintln!("==> {name}");
-        cargo.args(["--no-run", "--message-format=json-render-diagnostics"]);
-        let programs = read(&output_of(name, cargo)?)?;
-        eprintln!("    {} programs", programs.len());
-        anyhow::Ok(programs)
-    };
+    eprintln!("==> test programs");
     // Without a selection of targets, cargo would also compile every example. With `--bins`, it would also
     // compile programs without tests.
-    let mut others = workspace.compile("test");
-    others.args(["--exclude", "sidestep-server", "--tests"]);
-    let mut programs = compiled("test programs", &mut others)?;
-    let of_server = compiled("tests of the server", workspace.compile("test").args(OF_SERVER))?;
-    programs.extend(of_server.into_iter().filter(|program| program.package() == "server"));
+    let mut cargo = workspace.compile("test");
+    cargo.args(["--tests", "--no-run", "--message-format=json-render-diagnostics"]);
+    let programs = read(&output_of("test programs", &mut cargo)?)?;
+    eprintln!("    {} programs", programs.len());
     Ok(programs)
 }
 
