@@ -69,6 +69,50 @@ pub(super) fn run_together<'a>(
     done
 }
 
+/// Stores trials together. If one of them fails, each trial is stored in its own savepoint.
+/// Savepoints are not the default, because they cost two more statements per trial, and separate
+/// statements for the rows of each trial.
+pub(super) fn run_trials(db: &Connection, trials: &mut [Operation]) -> Result<(), StoreError> {
+    match trials {
+        [] => return Ok(()),
+        [alone] => return run(db, alone),
+        _ => {}
+    }
+    db.control("SAVEPOINT trials")?;
+    if let Err(error) = run_together(db, trials.iter_mut()) {
+        if error.ends_transaction() {
+            return Err(error);
+        }
+        // After some errors SQLite has rolled back the whole transaction, and the savepoint is gone.
+        db.roll_back("ROLLBACK TO trials").map_err(|_| error)?;
+        for trial in trials {
+            run(db, trial)?;
+        }
+    }
+    Ok(db.control("RELEASE trials")?)
+}
+
+/// Runs an operation and its deferred statements.
+pub(super) fn attempt(db: &Connection, operation: &mut Operation) -> Result<(), StoreError> {
+    operation.run(db)?;
+    db.settle().map_err(StoreError::from).inspect_err(|error| operation.fail(error))
+}
+
+/// Runs an operation in a savepoint, so that only a failed operation is undone. If this function
+/// returns an error, the whole transaction has failed.
+pub(super) fn run(db: &Connection, operation: &mut Operation) -> Result<(), StoreError> {
+    db.control("SAVEPOINT operation")?;
+    if let Err(error) = attempt(db, operation) {
+        if error.ends_transaction() {
+            return Err(error);
+        }
+        // After some errors SQLite has rolled back the whole transaction, and the savepoint is gone.
+        db.roll_back("ROLLBACK TO operation").map_err(|_| error)?;
+    }
+    db.control("RELEASE operation")?;
+    Ok(())
+}
+
 /// Submits this work to a database as an operation, and returns the result. The database answers
 /// every operation, even one that it refuses. `question` is the first query of the work, if it can
 /// be prefetched.

@@ -13,7 +13,6 @@
 //! work (files and cells of an analysis, value functions) runs in separate transactions, one
 //! operation between two batches, so that requests wait for at most one such operation.
 
-mod queue;
 mod rescue;
 
 use super::connection;
@@ -25,14 +24,26 @@ use super::write_back::WriteBack;
 use crate::store::commits::Commits;
 use crate::store::error::StoreError;
 use crate::store::lanes::Lane;
-use crate::store::operation::{Batch, Operation, run_together};
+use crate::store::operation::{Batch, Operation, attempt, run, run_trials};
 use crate::store::sql::Connection;
-use queue::{Lanes, Next, Queue};
+use std::collections::VecDeque;
 use std::fmt;
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
+
+/// Maximum length of a lane's queue. Further operations are refused.
+const QUEUE: usize = 1_024;
+
+/// Maximum number of trials in a batch.
+const BATCH: usize = 64;
+
+/// Maximum number of other requests in a batch.
+const OTHERS: usize = 64;
+
+/// Pause between two background operations while requests wait.
+const BACKGROUND_PAUSE: Duration = Duration::from_millis(50);
 
 /// Minimum time from one commit to the next while requests arrive faster than commits end. A client
 /// does not notice this delay.
@@ -40,6 +51,121 @@ const COMMIT_INTERVAL: Duration = Duration::from_millis(3);
 
 /// Pause between two attempts to empty the log.
 const EMPTY_LOG_PAUSE: Duration = Duration::from_millis(200);
+
+#[derive(Default)]
+struct Lanes {
+    trials: VecDeque<Operation>,
+    requests: VecDeque<Operation>,
+    background: VecDeque<Operation>,
+    /// When to try to empty the log. `None` unless emptying the log was requested.
+    empty_log_at: Option<Instant>,
+    /// Whether a rescue was requested, because another process has changed the file.
+    rescue: bool,
+    /// Whether the last write failed because of the disk.
+    has_failed: bool,
+    closed: bool,
+}
+
+struct Queue {
+    lanes: Mutex<Lanes>,
+    changed: Condvar,
+}
+
+/// The writer thread's next action.
+enum Next {
+    /// Writes a batch whose first `trials` operations store trials.
+    Write {
+        batch: Batch,
+        trials: usize,
+    },
+    Background(Batch),
+    EmptyLog,
+    /// Rescues the data into another file, because another process has changed the database.
+    Rescue,
+    Stop,
+}
+
+impl Queue {
+    fn lanes(&self) -> MutexGuard<'_, Lanes> {
+        self.lanes.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn push(&self, lane: Lane, operation: Operation) {
+        let mut lanes = self.lanes();
+        if lanes.closed {
+            return operation.answer(Err(StoreError::closed()));
+        }
+        let queue = match lane {
+            Lane::Trial => &mut lanes.trials,
+            Lane::Request | Lane::Enrolment => &mut lanes.requests,
+            Lane::Background => &mut lanes.background,
+        };
+        if queue.len() >= QUEUE {
+            return operation.answer(Err(StoreError::Busy));
+        }
+        queue.push_back(operation);
+        self.changed.notify_one();
+    }
+
+    /// Whether a trial or another request waits.
+    fn has_requests(&self) -> bool {
+        let lanes = self.lanes();
+        !lanes.trials.is_empty() || !lanes.requests.is_empty()
+    }
+
+    /// Waits for the next action. Operations that were queued before the writer was closed still run.
+    fn next(&self, last_background: Instant) -> Next {
+        let mut lanes = self.lanes();
+        loop {
+            let now = Instant::now();
+            if std::mem::take(&mut lanes.rescue) {
+                return Next::Rescue;
+            }
+            if lanes.empty_log_at.is_some_and(|at| at <= now) {
+                lanes.empty_log_at = None;
+                return Next::EmptyLog;
+            }
+            let requested = !lanes.trials.is_empty() || !lanes.requests.is_empty();
+            let background_turn =
+                !requested || now.duration_since(last_background) >= BACKGROUND_PAUSE;
+            if background_turn && let Some(operation) = lanes.background.pop_front() {
+                return Next::Background(vec![operation]);
+            }
+            if requested {
+                let Lanes { trials, requests, .. } = &mut *lanes;
+                let trials = trials.drain(..trials.len().min(BATCH));
+                let count = trials.len();
+                let others = requests.drain(..requests.len().min(OTHERS));
+                return Next::Write { batch: trials.chain(others).collect(), trials: count };
+            }
+            if lanes.closed {
+                return Next::Stop;
+            }
+            lanes = match lanes.empty_log_at {
+                Some(at) => {
+                    let waited = self.changed.wait_timeout(lanes, at.duration_since(now));
+                    waited.unwrap_or_else(PoisonError::into_inner).0
+                }
+                None => self.changed.wait(lanes).unwrap_or_else(PoisonError::into_inner),
+            };
+        }
+    }
+
+    /// Puts requests back at the front of their queue.
+    fn put_back(&self, others: Batch) {
+        let mut lanes = self.lanes();
+        for other in others.into_iter().rev() {
+            lanes.requests.push_front(other);
+        }
+    }
+
+    /// Takes all waiting operations.
+    fn drain(&self) -> Batch {
+        let mut lanes = self.lanes();
+        let Lanes { trials, requests, background, .. } = &mut *lanes;
+        trials.drain(..).chain(requests.drain(..)).chain(background.drain(..)).collect()
+    }
+}
 
 /// A handle to the writer thread.
 pub(super) struct Writer {
@@ -346,48 +472,4 @@ fn open(file: &DatabaseFile, original: &Original) -> Result<Connection, StoreErr
     db.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()))?;
     original.note_companions(true);
     Ok(db)
-}
-
-/// Stores trials together. If one of them fails, each trial is stored in its own savepoint.
-/// Savepoints are not the default, because they cost two more statements per trial, and separate
-/// statements for the rows of each trial.
-fn run_trials(db: &Connection, trials: &mut [Operation]) -> Result<(), StoreError> {
-    match trials {
-        [] => return Ok(()),
-        [alone] => return run(db, alone),
-        _ => {}
-    }
-    db.control("SAVEPOINT trials")?;
-    if let Err(error) = run_together(db, trials.iter_mut()) {
-        if error.ends_transaction() {
-            return Err(error);
-        }
-        // After some errors SQLite has rolled back the whole transaction, and the savepoint is gone.
-        db.roll_back("ROLLBACK TO trials").map_err(|_| error)?;
-        for trial in trials {
-            run(db, trial)?;
-        }
-    }
-    Ok(db.control("RELEASE trials")?)
-}
-
-/// Runs an operation and its deferred statements.
-fn attempt(db: &Connection, operation: &mut Operation) -> Result<(), StoreError> {
-    operation.run(db)?;
-    db.settle().map_err(StoreError::from).inspect_err(|error| operation.fail(error))
-}
-
-/// Runs an operation in a savepoint, so that only a failed operation is undone. If this function
-/// returns an error, the whole transaction has failed.
-fn run(db: &Connection, operation: &mut Operation) -> Result<(), StoreError> {
-    db.control("SAVEPOINT operation")?;
-    if let Err(error) = attempt(db, operation) {
-        if error.ends_transaction() {
-            return Err(error);
-        }
-        // After some errors SQLite has rolled back the whole transaction, and the savepoint is gone.
-        db.roll_back("ROLLBACK TO operation").map_err(|_| error)?;
-    }
-    db.control("RELEASE operation")?;
-    Ok(())
 }
