@@ -39,6 +39,6 @@ pub mod analyses;
 pub mod predictors;
 pub mod keys;
 pub mod docs;
-pub mod interface;
-pub mod site;
 pub mod routes;
+pub mod site;
+pub mod layers;

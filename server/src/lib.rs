@@ -20,7 +20,7 @@ pub mod support;
 pub mod client;
 pub mod trial_content;
 pub mod store;
-pub mod observed;
+pub mod metrics;
 pub mod database_check;
 pub mod formats;
 pub mod languages;

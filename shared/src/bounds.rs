@@ -1,9 +1,9 @@
 //! Time-varying bounds on the human's turn rate (the paper, Definition 1 and
 //! Algorithm 1).
 
-mod algorithm;
+mod algorithm_1;
 
-pub use algorithm::{Algorithm1, PredictedBounds, input_bounds};
+pub use algorithm_1::{Algorithm1, PredictedBounds, input_bounds};
 
 use crate::invalid::{Invalid, length, positive};
 use crate::scene::{JointState, SceneParameters};

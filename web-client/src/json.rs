@@ -4,7 +4,7 @@
 //! participant's download, because its tables do not compress. The browser already has both
 //! conversions. So the browser parses text into a tree of values, and serde deserializes a wire
 //! type from the tree. (In native tests, serde_json parses the text.) For output, serde serializes
-//! wire types and the browser formats the digits. Nothing is rounded in either direction. See
+//! wire types and the browser formats the digits. Neither parsing nor formatting rounds a number. See
 //! `docs/decisions/0006-json-in-the-client.md`.
 
 mod number;

@@ -1,7 +1,7 @@
 //! `cargo xtask check`: checks the code and its dependencies without running it.
 
 mod dependencies;
-mod library;
+mod library_builds;
 
 use anyhow::Result;
 
@@ -24,7 +24,7 @@ pub(crate) fn run(workspace: &Workspace) -> Result<()> {
     clippy.args(ENTRIES.iter().flat_map(|(entry, _)| ["--bin", entry]));
     stage("clippy for browsers", clippy.args(["--", "--deny", "warnings"]))?;
 
-    library::run(workspace)?;
+    library_builds::run(workspace)?;
 
     // The server's program and the library are both called `sidestep`, so their pages have the same
     // paths. The library comes last, in a separate call, so that its pages remain.

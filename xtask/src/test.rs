@@ -52,6 +52,9 @@ const WITHOUT_DATABASE: [&str; 8] = [
     "solving::",
 ];
 
+/// Test programs that mostly wait, besides `browser` and `api`.
+const WAITING: [&str; 2] = ["faults", "webassembly"];
+
 /// Environment variable with Chromium's path, for the tests. A value that the user has set is used
 /// unchanged.
 pub(crate) const VARIABLE: &str = "SIDESTEP_CHROMIUM";
@@ -155,7 +158,7 @@ fn whole(
     }
     let mut computing = Vec::new();
     for program in programs.iter().filter(|it| !["browser", "api"].contains(&&it.name[..])) {
-        let lane = if program.package() == "tests" { &mut waiting } else { &mut computing };
+        let lane = if WAITING.contains(&&program.name[..]) { &mut waiting } else { &mut computing };
         lane.push(call(program, &[], options.postgres));
     }
     let own = env::current_exe().context("this program")?;

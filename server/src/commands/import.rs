@@ -1,6 +1,6 @@
 //! `sidestep import`.
 
-mod source;
+mod two_passes;
 
 use super::solving::Interrupt;
 use super::trials_file::excluded_beside;
@@ -20,12 +20,12 @@ use sidestep::scene::{Scene, SceneParameters};
 use sidestep::study::StudyConfig;
 use sidestep::synthetic;
 use sidestep::trial::{Flag, Record, flags, outcome};
-use source::Source;
 use std::fmt::Display;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 use tokio::sync::mpsc;
+use two_passes::Source;
 use uuid::Uuid;
 
 /// Import trials from a file into a study: the whole file or nothing.

@@ -12,10 +12,10 @@ use crate::http::bounded::{Bounded, TakingTurns};
 use crate::http::connections::{Connections, Limits};
 use crate::http::experimenters::first_key;
 use crate::http::hosts::Hosts;
+use crate::http::layers::router;
 use crate::http::listen;
 use crate::http::pace::{Guesses, Pace};
 use crate::http::peer::Proxies;
-use crate::http::routes::router;
 use crate::http::site::{Site, default_folder};
 use crate::http::tls::Certificates;
 use crate::jobs::analysis::worker::AnalysisWorker;
@@ -23,7 +23,7 @@ use crate::jobs::keeper::{Keeper, Keeping};
 use crate::jobs::safety::Solver;
 use crate::languages::Languages;
 use crate::languages::library::Library;
-use crate::observed::Observed;
+use crate::metrics::Metrics;
 use crate::store::{Purpose, Store};
 use crate::support::secrets::chosen::ChosenKey;
 use ipnet::IpNet;
@@ -265,7 +265,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         guesses: Guesses::new(&store),
         drawing: Bounded::new(PLANS_WAITING).with_pauses(DRAWING_PAUSE),
         hashing: TakingTurns::default(),
-        observed: Observed::new(&store),
+        metrics: Metrics::new(&store),
         connections: Arc::clone(&connections),
         analysis_asked: Arc::clone(&analysis_asked),
         analysis_limits,

@@ -6,7 +6,7 @@ use crate::http::lengths::Lengths;
 use crate::http::pace::{Guesses, Pace};
 use crate::jobs::analysis::limits::Limits;
 use crate::languages::library::Library;
-use crate::observed::Observed;
+use crate::metrics::Metrics;
 use crate::store::Store;
 use crate::support::secrets::chosen::ChosenKey;
 use sidestep::api::{DataCheck, SelfCheck};
@@ -38,7 +38,7 @@ pub struct App {
     /// Runs the jobs that compare keys with a slow hash.
     pub hashing: TakingTurns,
     /// Metrics for `/metrics`.
-    pub observed: Observed,
+    pub metrics: Metrics,
     /// The open connections.
     pub connections: Arc<Connections>,
     /// Notifies the analysis worker that an analysis is queued.

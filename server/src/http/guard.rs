@@ -159,7 +159,7 @@ fn known(method: &Method) -> &str {
 
 /// Counts and logs responses. Logs contain only the route's pattern, because URLs, queries, headers
 /// and bodies may contain personal data.
-pub async fn observed(
+pub async fn measured(
     State(app): State<Arc<App>>,
     request: Request,
     next: Next,
@@ -176,7 +176,7 @@ pub async fn observed(
     let route = route.as_ref().map_or("(none)", MatchedPath::as_str);
     let method = known(&method);
     let (status, took) = (answer.status().as_u16(), begin.elapsed());
-    app.observed.answered(method, route, status, took);
+    app.metrics.answered(method, route, status, took);
     let ms = took.as_millis();
     span.in_scope(|| match route {
         // Proxies poll these routes every second.

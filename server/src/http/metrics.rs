@@ -68,7 +68,7 @@ pub async fn show(_: Operator, State(app): State<Arc<App>>) -> Result<Response, 
     let data_check = app.data_check.borrow().clone();
     let connections = app.connections.count();
     let backups = app.writes_backups;
-    let text = app.observed.text(&app.store, counts, connections, &data_check, backups);
+    let text = app.metrics.text(&app.store, counts, connections, &data_check, backups);
     let text = text.map_err(|error| ApiError::Internal(error.into()))?;
     let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
     Ok(([(header::CONTENT_TYPE, kind)], text).into_response())

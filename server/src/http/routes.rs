@@ -1,218 +1,367 @@
-//! All routes, with the layers around them.
+//! The table of all routes, with descriptions.
 
-use crate::http::app::App;
-use crate::http::docs::Published;
-use crate::http::error::ApiError;
-use crate::http::hosts::{self, Hosts};
-use crate::http::site::Site;
-use crate::http::{guard, interface, site};
-use axum::http::StatusCode;
-use axum::middleware::{from_fn, from_fn_with_state};
-use axum::{Extension, Router};
-use std::sync::Arc;
-use tower_http::catch_panic::CatchPanicLayer;
+use crate::http::openapi::table::{Table, delete, get, post, put};
+use crate::http::{
+    analyses, changes, configurations, docs, enrolment, exports, keys, laboratory, metrics,
+    participants, people, predictors, profiles, session, studies, texts, trials, value_functions,
+};
+use sidestep::api::{ParticipantPage, Session, Texts, routes};
 
-/// All routes of the interface and all pages, for a server with these host names.
-pub fn router(app: Arc<App>, site: &Site, hosts: Hosts) -> Router {
-    let (api, document) = interface::table().finished();
-    let api = api
-        .layer(Extension(Arc::new(Published::of(&document, site.docs()))))
-        .layer(from_fn(guard::no_store));
-    // The last layer is the outermost. So every response, even after a panic, is counted and logged
-    // and has the security headers.
-    api.merge(site::routes(site))
-        .fallback(async || ApiError::not_found("page or route"))
-        .method_not_allowed_fallback(method_not_allowed)
-        .layer(from_fn(guard::same_site))
-        .layer(from_fn_with_state(Arc::clone(&app), guard::paced))
-        .layer(from_fn_with_state(Arc::new(hosts), hosts::known_host))
-        .layer(from_fn(guard::short_address))
-        .layer(from_fn(guard::time_limit))
-        .layer(CatchPanicLayer::custom(guard::panicked))
-        .layer(from_fn_with_state(Arc::clone(&app), guard::observed))
-        .layer(from_fn(guard::security_headers))
-        .with_state(app)
+/// All routes except the pages. The paths come from the module `routes`, which clients also use.
+/// Their parameters are in braces.
+#[must_use]
+pub fn table() -> Table {
+    let table = Table::default();
+    operator(analysis(data(people_of(setup(access(participation(table)))))))
 }
 
-async fn method_not_allowed() -> ApiError {
-    let message = "this address has no such method; see Allow";
-    ApiError::new(StatusCode::METHOD_NOT_ALLOWED, "method_not_allowed", message)
+fn participation(table: Table) -> Table {
+    let text = "The requests of a participant's page: it reads the study, enrols, stores each trial, and \
+                completes the participation.";
+    table
+        .group("Participation", text)
+        .route(
+            &routes::study("{slug}"),
+            [get("The public part of a study", studies::show)
+                .detail(
+                    "With a participant's token, the configuration of their enrolment. With an external id, \
+                     whether this person can take part, and the return link if they cannot.",
+                )
+                .problems(["not_found", "busy", "storage"])
+                .for_participants_too()],
+        )
+        .route(
+            &routes::texts("{slug}"),
+            [get("All texts for participants, in one language", texts::show)
+                .detail(
+                    "In the language of the query; by default, or if the study does not have it, in \
+                     the one that Accept-Language prefers.",
+                )
+                .sends_json::<Texts>()
+                .for_participants_too()
+                .compressed()],
+        )
+        .route(
+            &routes::participants("{slug}"),
+            [post("Enrols a participant", enrolment::enrol)
+                .detail(
+                    "The token in the response authenticates all later requests. A known external id, or a \
+                     request id that was sent before, resumes the participation.",
+                )
+                .says(201, "A new participant.")
+                .or_200("A participant who has enrolled before: the same plan, and another token.")
+                .problems(["closed", "full", "archived", "screened_out", "withdrawn"])],
+        )
+        .route(
+            routes::ME,
+            [
+                get("The participant's progress: plan, stored trials, next trial", participants::show),
+                delete("Withdraws the participant", participants::withdraw)
+                    .detail("Idempotent; `keep` can be followed by `delete`.")
+                    .problems(["not_yours"]),
+            ],
+        )
+        .route(
+            routes::COMPREHENSION,
+            [put("Stores the result of the check of understanding", participants::check_understanding)
+                .detail("Repeating a request gets the same response.")
+                .problems(["withdrawn", "archived"])],
+        )
+        .route(
+            &routes::my_trial("{trial_id}"),
+            [put("Stores a trial", trials::store)
+                .detail(
+                    "The response comes after the commit. The server replays the inputs, and flags the trial \
+                     if its states do not follow from them.",
+                )
+                .or_200("The same trial was stored before.")
+                .problems(["different_content", "out_of_order"])],
+        )
+        .route(
+            routes::ANSWERS,
+            [put("Stores the answers to the questions after the last scene", participants::answer)
+                .detail("Replaces earlier answers until the participation is complete.")
+                .problems(["complete", "answered"])],
+        )
+        .route(
+            routes::COMPLETE,
+            [post("Completes the participation", participants::complete)
+                .detail("The response has the completion code.")
+                .problems(["incomplete", "unanswered", "not_yours"])],
+        )
+        .route(
+            &routes::value_function("{id}"),
+            [get("An encoded value function", value_functions::show)
+                .detail("It never changes: an If-None-Match with its ETag gets a 304.")
+                .sends_bytes("application/octet-stream")
+                .says(304, "The client has it already.")
+                .compressed()],
+        )
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::http::bounded::{Bounded, TakingTurns};
-    use crate::http::connections::{self, Connections};
-    use crate::http::pace::{Guesses, Pace};
-    use crate::http::peer::Proxies;
-    use crate::jobs::analysis::limits::Limits;
-    use crate::languages::Languages;
-    use crate::languages::library::Library;
-    use crate::observed::Observed;
-    use crate::store::overview::Counts;
-    use crate::store::tests::begun;
-    use crate::store::{Purpose, Store};
-    use axum::body::Body;
-    use axum::http::request::Builder;
-    use axum::http::{Request, header};
-    use axum::response::Response;
-    use serde::de::DeserializeOwned;
-    use sidestep::api::{Enrolled, Problem, TrialUpload, routes};
-    use sidestep::scene::SceneParameters;
-    use sidestep::study::StudyConfig;
-    use sidestep::trial::simulate;
-    use sidestep::vehicle::TurnInput;
-    use std::net::Ipv4Addr;
-    use std::sync::mpsc;
-    use std::task::Poll;
-    use tempfile::TempDir;
-    use tokio::sync::{oneshot, watch};
-    use tokio::task::JoinSet;
-    use tokio_util::sync::CancellationToken;
-    use tower::ServiceExt;
+fn access(table: Table) -> Table {
+    let text = "Signing in to the laboratory, the keys of experimenters and programs, and the audit trail \
+                of their actions.";
+    table
+        .group("Access", text)
+        .route(
+            routes::SESSION,
+            [
+                get("Who is signed in", session::show),
+                post("Signs in with a key", session::sign_in)
+                    .detail("Sets the session's cookie, which is valid for 30 days.")
+                    .sends_json::<Session>()
+                    .problems(["unauthorized", "throttled"]),
+                delete("Signs out", session::sign_out)
+                    .says(204, "The session has ended, if there was one."),
+            ],
+        )
+        .route(
+            routes::ADMIN_KEYS,
+            [
+                get("All keys, including revoked ones", keys::list),
+                post("Creates a key", keys::make)
+                    .says(201, "The new key, which no later response contains.")
+                    .problems(["taken"]),
+            ],
+        )
+        .route(
+            &routes::admin_key("{id}"),
+            [delete("Revokes a key", keys::revoke)
+                .detail("The key and its sessions are invalid at once. Idempotent.")
+                .problems(["first_key"])],
+        )
+        .route(routes::AUDIT, [get("A page of the audit trail, newest first", keys::audit)])
+}
 
-    /// A server without sockets. Tests can block its store. At most `plans_waiting` plans wait in
-    /// its queue.
-    async fn served(folder: &TempDir, plans_waiting: usize) -> (Store, Router) {
-        std::fs::create_dir_all(folder.path().join("assets")).unwrap();
-        let pages = ["index", "participant", "lab", "viewer", "reachability", "demo", "docs"];
-        for page in pages {
-            std::fs::write(folder.path().join(format!("{page}.html")), "").unwrap();
-        }
-        let url = format!("sqlite:{}", folder.path().join("test.db").display());
-        let store = Store::open(&url, Purpose::Create).await.unwrap();
-        store.put_study(&StudyConfig::default(), 0).await.unwrap();
-        let app = App {
-            store: store.clone(),
-            default_study: "default".to_owned(),
-            library: Library::new(Languages::load(None).unwrap()),
-            environment_key: None,
-            pace: Pace::new(&store),
-            guesses: Guesses::new(&store),
-            drawing: Bounded::new(plans_waiting),
-            hashing: TakingTurns::default(),
-            observed: Observed::new(&store),
-            connections: Arc::new(Connections::new(connections::Limits {
-                all: 100,
-                each: 100,
-                body_bytes: 1 << 20,
-            })),
-            analysis_asked: Arc::default(),
-            analysis_limits: Limits { memory_mib: 2048, hours: 24.0, threads: 1 },
-            study_stored: Arc::default(),
-            self_check: Default::default(),
-            data_check: watch::channel(Default::default()).1,
-            writes_backups: false,
-            lengths: Arc::default(),
-            stopping: CancellationToken::new(),
-        };
-        let hosts = Hosts::new(&[], Ipv4Addr::LOCALHOST.into(), &Proxies::default());
-        (store, router(Arc::new(app), &Site::open(folder.path()).unwrap(), hosts))
-    }
+fn setup(table: Table) -> Table {
+    let text = "Studies and their configurations. A configuration in use is never edited: enrolled \
+                participants keep theirs, and new participants get the new one.";
+    table
+        .group("Studies", text)
+        .route(
+            routes::ADMIN_STUDIES,
+            [
+                get("All studies, with their state", laboratory::studies),
+                post("Creates a study", configurations::make).problems(["taken", "busy"]),
+            ],
+        )
+        .route(
+            &routes::admin_study("{slug}"),
+            [get("A study, with its state", laboratory::study)],
+        )
+        .route(
+            &routes::admin_configuration("{slug}"),
+            [
+                get("A study's configuration, as the text of a study file", configurations::show),
+                put("Gives new participants another configuration", configurations::change)
+                    .detail("`base` is the hash of the configuration that the draft is based on.")
+                    .problems(["changed"]),
+            ],
+        )
+        .route(
+            &routes::admin_status("{slug}"),
+            [put("Opens, closes or archives a study", configurations::set_status)
+                .problems(["changed"])],
+        )
+        .route(
+            routes::ADMIN_DRAFTS,
+            [post("Checks a draft of a study file", configurations::check)
+                .detail("200 even for an invalid draft, with the error.")],
+        )
+        .route(
+            routes::ADMIN_FORM_DRAFTS,
+            [post("Checks the values of a form, and writes them as a study file", configurations::check_form)
+                .detail("As the check of a draft; the response has the text of the study file.")],
+        )
+        .route(
+            routes::CHANGES,
+            [get("Server-sent events: something has changed", changes::follow).detail(
+                "An event `change` immediately and after every commit, at most one a second; its data are \
+                 the number of commits since the server started. The response ends after five minutes; \
+                 browsers reconnect.",
+            )],
+        )
+}
 
-    async fn send(router: &Router, request: Builder, body: impl Into<Body>) -> Response {
-        let request = request
-            .header(header::CONTENT_TYPE, "application/json")
-            .header(header::HOST, "localhost")
-            .body(body.into());
-        router.clone().oneshot(request.unwrap()).await.unwrap()
-    }
+fn people_of(table: Table) -> Table {
+    let text = "Participants, with notes and exclusions by experimenters.";
+    table
+        .group("Participants", text)
+        .route(
+            &routes::admin_participants("{slug}"),
+            [get("A page of participants, or the whole table as a file", people::list)
+                .detail(
+                    "External ids and codes are included if the key may export. With `format=csv`, the \
+                     whole table, for which the key needs the right to export.",
+                )
+                .sends_json::<ParticipantPage>()
+                .sends("text/csv")
+                .problems(["access"])],
+        )
+        .route(
+            &routes::admin_participant("{id}"),
+            [
+                get("A participant's complete record", profiles::show).detail(
+                    "External id, code, answers and parameters are included if the key may export.",
+                ),
+                delete("Deletes a participant's data, on their request", profiles::delete)
+                    .detail("Idempotent."),
+            ],
+        )
+        .route(
+            &routes::admin_drives("{id}"),
+            [get("A participant's tasks, in compact form", profiles::drives)
+                .detail(
+                    "One attempt at each scene, as analyses use them: inputs and states of every step. \
+                     With the ids of the value functions, this is all that predicted sets need.",
+                )
+                .compressed()],
+        )
+        .route(&routes::admin_notes("{id}"), [post("Adds a note", profiles::add_note)])
+        .route(
+            &routes::admin_note("{id}", "{note}"),
+            [delete("Deletes a note", profiles::delete_note)],
+        )
+        .route(
+            &routes::admin_exclusion("{id}"),
+            [
+                put("Excludes the participant from analyses", profiles::exclude),
+                delete("Includes the participant in analyses again", profiles::include)
+                    .detail("Idempotent."),
+            ],
+        )
+        .route(
+            &routes::admin_pilots("{slug}"),
+            [delete("Deletes all pilots of a study", laboratory::delete_pilots)],
+        )
+}
 
-    async fn enrol(router: &Router) -> Response {
-        let request = Request::post(routes::participants("default"));
-        send(router, request, "{\"consent\":true}").await
-    }
+fn data(table: Table) -> Table {
+    let text = "Stored trials, predictors, and exports.";
+    table
+        .group("Data", text)
+        .route(
+            &routes::admin_trials("{slug}"),
+            [get("A page of the stored trials, newest first", laboratory::trials)],
+        )
+        .route(
+            &routes::admin_trial("{trial_id}"),
+            [get("A stored trial with its content", laboratory::trial)],
+        )
+        .route(
+            &routes::admin_predictor("{trial_id}"),
+            [get("A predictor for the replay of a trial", predictors::predictor).detail(
+                "Without a query, it is trained on the participant's earlier trials; `features` selects the \
+                 feature set. With `analysis` and `file`, it is a model of an analysis, and the response says whether this \
+                 trial trained it.",
+            )],
+        )
+        .route(
+            &routes::admin_sets("{trial_id}"),
+            [get("Learned sets for the replay of a trial", predictors::sets)
+                .detail(
+                    "The sets of a family that is learned from the positions of the participant's earlier \
+                     trials, as polygons in the human's frame, and how often they contain the future of \
+                     the participant's other tasks.",
+                )
+                .compressed()],
+        )
+        .route(
+            &routes::exports("{slug}"),
+            [get("A study's data as a file", exports::export)
+                .detail(
+                    "An archive with the files of `sidestep export`, sent while it is being written. The \
+                     same data give the same bytes and the same ETag: `Range` and `If-Range` resume \
+                     an interrupted download. Without a format, the steps as one CSV file.",
+                )
+                .sends_bytes("application/zip")
+                .sends("text/csv")
+                .says(206, "The requested part of the archive.")
+                .says(304, "The client has it already.")
+                .says(416, "The archive ends before the requested part.")
+                .problems(["measuring", "storage"])
+                .problem_with(412, "changed")],
+        )
+        .route(
+            routes::SELF_CHECK,
+            [get("The fingerprint of the server's own simulation", laboratory::self_check)],
+        )
+        .route(
+            routes::DATA_CHECK,
+            [get(
+                "Findings of the last data check, and the last backup",
+                laboratory::data_check,
+            )],
+        )
+}
 
-    async fn body<T: DeserializeOwned>(response: Response) -> T {
-        let bytes = axum::body::to_bytes(response.into_body(), 1_000_000).await.unwrap();
-        serde_json::from_slice(&bytes).unwrap()
-    }
+fn analysis(table: Table) -> Table {
+    let text = "Comparisons of models on a study's trials, which the server computes one by one.";
+    table
+        .group("Analyses", text)
+        .route(
+            &routes::admin_analyses("{slug}"),
+            [
+                get("A page of analyses, newest first", analyses::list),
+                post("Requests an analysis", analyses::ask)
+                    .or_200("An identical request is queued already.")
+                    .problems(["queue_full"]),
+            ],
+        )
+        .route(
+            &routes::admin_analysis("{id}"),
+            [
+                get("An analysis, with the names of its files", analyses::show),
+                delete("Deletes an analysis with its files", analyses::delete),
+            ],
+        )
+        .route(
+            &routes::cancel_analysis("{id}"),
+            [post("Cancels an analysis", analyses::cancel)
+                .detail("Idempotent.")
+                .problems(["over"])],
+        )
+        .route(
+            &routes::analysis_predictors("{id}"),
+            [get("A page of the models of an analysis", predictors::list).detail(
+                "With the kinds of model, experiments, feature sets and participants of the analysis. An \
+                 unfinished analysis has none.",
+            )],
+        )
+        .route(
+            &routes::analysis_file("{id}", "{*name}"),
+            [get("A file of an analysis", analyses::file)
+                .detail("A slash in the name may be sent unescaped or as `%2F`.")
+                .sends("text/html")
+                .sends("text/csv")
+                .sends("text/x-tex")
+                .sends_bytes("application/octet-stream")
+                .sends_any_json()],
+        )
+}
 
-    async fn is_busy(router: &Router) {
-        let refused = enrol(router).await;
-        assert_eq!(refused.status(), StatusCode::SERVICE_UNAVAILABLE);
-        assert_eq!(refused.headers()[header::RETRY_AFTER], "1");
-        assert_eq!(body::<Problem>(refused).await.code, "busy");
-    }
-
-    /// A trial that arrives after the enrolments of a whole school class is stored while most
-    /// enrolments still wait.
-    #[tokio::test]
-    async fn a_trial_is_answered_ahead_of_a_class_that_enrols() {
-        // The maximum number of requests per commit. So the operation after these enrolments runs
-        // after the commit of the trial, however fast the disk is.
-        const AHEAD: usize = 64;
-        const BEHIND: usize = 80;
-        let folder = TempDir::new().unwrap();
-        let (store, router) = served(&folder, 1 + AHEAD + BEHIND).await;
-        let me: Enrolled = body(enrol(&router).await).await;
-        let (_, planned) = me.plan.scenes().next().unwrap();
-
-        let held = store.held().await;
-        let mut class = JoinSet::new();
-        let begin = |class: &mut JoinSet<StatusCode>, count| {
-            for _ in 0..count {
-                let router = router.clone();
-                class.spawn(async move { enrol(&router).await.status() });
-            }
-        };
-        begin(&mut class, AHEAD);
-        store.until_waiting([0, AHEAD]).await;
-        // Queue an operation between the enrolments, to block the writer again.
-        let (go, wait) = mpsc::channel();
-        let (began, again) = oneshot::channel();
-        let mut holding = Box::pin(store.hold(began, wait));
-        assert!(begun(&mut holding).is_pending());
-        begin(&mut class, BEHIND);
-        store.until_waiting([0, AHEAD + 1 + BEHIND]).await;
-        let parameters = SceneParameters::default();
-        let inputs = vec![TurnInput::Left; parameters.steps];
-        let upload: TrialUpload = TrialUpload {
-            started_at_ms: 1.0,
-            states: simulate(&parameters, planned.scene().start(), &inputs),
-            sampled_at_ms: (0..inputs.len()).map(|step| 200.0 * step as f64).collect(),
-            inputs,
-            key_events: Vec::new(),
-            page_events: Vec::new(),
-            exposures: 1,
-            display: sidestep::api::Object::default(),
-        };
-        let request = Request::put(routes::my_trial(&planned.trial_id))
-            .header(header::AUTHORIZATION, format!("Bearer {}", me.token));
-        let mut trial = Box::pin(send(&router, request, serde_json::to_vec(&upload).unwrap()));
-        assert!(begun(&mut trial).is_pending());
-
-        drop(held);
-        again.await.unwrap();
-        let Poll::Ready(answer) = begun(&mut trial) else { panic!("it waits behind the class") };
-        assert_eq!(answer.status(), StatusCode::CREATED);
-        let Counts { participants: enrolled, trials, .. } = store.counts().await.unwrap();
-        assert!(trials == 1 && enrolled as usize <= 1 + AHEAD, "{enrolled} are enrolled");
-        drop(go);
-        while let Some(status) = class.join_next().await {
-            assert_eq!(status.unwrap(), StatusCode::CREATED);
-        }
-    }
-
-    #[tokio::test]
-    async fn a_full_queue_of_writes_is_a_503_with_retry_after() {
-        let folder = TempDir::new().unwrap();
-        let (store, router) = served(&folder, 10).await;
-        let held = store.stuffed().await;
-        is_busy(&router).await;
-        drop(held);
-        while store.ready().await.is_err() {
-            tokio::task::yield_now().await;
-        }
-        assert_eq!(store.counts().await, Ok(Counts::default()), "who was refused is not there");
-        assert_eq!(enrol(&router).await.status(), StatusCode::CREATED);
-    }
-
-    #[tokio::test]
-    async fn enrolments_beyond_those_that_may_wait_are_a_503_with_retry_after() {
-        let folder = TempDir::new().unwrap();
-        let (_store, router) = served(&folder, 0).await;
-        is_busy(&router).await;
-    }
+fn operator(table: Table) -> Table {
+    let text = "For operators of the server, and for programs that use it.";
+    table
+        .group("Server", text)
+        .route("/healthz", [get("Whether the process answers", metrics::healthz)])
+        .route(
+            "/readyz",
+            [get("Whether a trial can be stored now", metrics::readyz).problems(["not_ready"])],
+        )
+        .route(
+            "/metrics",
+            [get("Metrics for Prometheus, in the OpenMetrics text format", metrics::show)
+                .detail("Programs on the server's own machine need no key; others need one with read access.")
+                .sends("application/openmetrics-text")],
+        )
+        .route(
+            routes::OPENAPI,
+            [get("This document", docs::document).sends_any_json().compressed()],
+        )
+        .route(
+            routes::DOCS,
+            [get("This document as a page", docs::page).sends("text/html").compressed()],
+        )
 }

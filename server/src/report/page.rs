@@ -2,7 +2,7 @@
 //! in `templates/`. This module computes the numbers that the templates print.
 
 #[cfg(test)]
-mod sentences;
+mod sentence_tests;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]

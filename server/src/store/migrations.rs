@@ -1,8 +1,8 @@
 //! Migrations of both back ends. All missing migrations are applied in one transaction.
 
-mod renewal;
+mod repair;
 
-pub(super) use renewal::{put_back, renew};
+pub(super) use repair::{put_back, renew};
 
 use super::error::StoreError;
 use super::misfit::Misfit;

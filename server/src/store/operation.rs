@@ -1,5 +1,5 @@
 //! Operations on the database. The types of their work and result are hidden, so that the code of the
-//! back ends is compiled once, and not once per operation.
+//! back ends is compiled once, and not once per operation. Only SQLite's writer uses savepoints.
 
 use super::error::StoreError;
 use super::sql::{Connection, Question};
@@ -12,6 +12,7 @@ type Found = Result<Box<dyn Any + Send>, StoreError>;
 
 /// An operation whose caller waits for the answer.
 pub(super) struct Operation {
+    /// The first [query](Connection::query_ahead) of the work, if it can be prefetched.
     question: Option<Question>,
     work: Box<dyn FnMut(&Connection) -> Found + Send>,
     found: Option<Found>,
@@ -27,11 +28,6 @@ impl Operation {
         !self.answer.is_closed()
     }
 
-    /// The operation's first [query](Connection::query_ahead), if it can be prefetched.
-    pub(super) fn question(&self) -> Option<&Question> {
-        self.question.as_ref()
-    }
-
     /// Runs the work. After an error, the work is rolled back, and may run again.
     pub(super) fn run(&mut self, db: &Connection) -> Result<(), StoreError> {
         let found = catch_unwind(AssertUnwindSafe(|| (self.work)(db)));
@@ -42,7 +38,7 @@ impl Operation {
     }
 
     /// Records that a deferred statement of the work failed.
-    pub(super) fn fail(&mut self, error: &StoreError) {
+    fn fail(&mut self, error: &StoreError) {
         self.found = Some(Err(error.clone()));
     }
 
@@ -61,7 +57,7 @@ pub(super) fn run_together<'a>(
     operations: impl Iterator<Item = &'a mut Operation>,
 ) -> Result<(), StoreError> {
     let operations: Vec<_> = operations.collect();
-    let questions = operations.iter().filter_map(|operation| operation.question().cloned());
+    let questions = operations.iter().filter_map(|operation| operation.question.clone());
     db.ask_ahead(questions.collect())?;
     let done = operations.into_iter().try_for_each(|operation| operation.run(db));
     let done = done.and_then(|()| Ok(db.settle()?));

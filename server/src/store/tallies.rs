@@ -9,7 +9,7 @@ use super::{Store, StoreError};
 use sidestep::trial::{Flag, Outcome, Phase};
 use sidestep::vehicle::TurnInput;
 
-/// The values of a trial that are counted.
+/// The values of a trial from which its participant's tally is updated.
 pub(super) struct Counted<'a> {
     /// Its participant.
     pub(super) participant_id: &'a str,

@@ -380,7 +380,7 @@ async fn a_level_that_did_not_converge_is_said_everywhere() {
     assert!(safety.v_rh.last_change_m.unwrap() > 1e-4, "{safety:?}");
     let report = file(&server, &asked.id, "report.html").await.text().await.unwrap();
 
-    // The command reports the same for this study.
+    // `sidestep analyze` reports the same for this study as the server's analysis.
     let folder = TempDir::new().unwrap();
     let out = folder.path().join("out");
     let args = ["analyze", "--database", &server.database(), "--out", out.to_str().unwrap()];

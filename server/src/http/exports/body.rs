@@ -12,8 +12,8 @@ use std::time::Duration;
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
 
-/// Maximum time for which a request waits for the length of an archive. It is less than the request
-/// timeout.
+/// Maximum time that a request waits until the size of its archive (bytes) is known. It is less than
+/// the request timeout.
 const MEASURING: Duration = Duration::from_secs(20);
 
 /// Capacity of the queue between the thread and the response (chunks).

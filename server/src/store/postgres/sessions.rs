@@ -16,8 +16,8 @@ use tokio::runtime::Handle;
 /// failure, whatever the server's default is. `enable_seqscan` is off because a session caches the
 /// plans of its statements. A plan made while a table was nearly empty would scan the whole table
 /// for every trial, until PostgreSQL next analyses the table. `jit` is off because PostgreSQL
-/// overestimates the costs of plans without sequential scans, and would compile them. The timeouts
-/// prevent endless waits.
+/// overestimates the costs of plans without sequential scans, and would therefore JIT-compile even
+/// cheap queries. The timeouts prevent endless waits.
 const SETTINGS: &str = "SET synchronous_commit = on; SET lock_timeout = '10s'; \
                         SET idle_in_transaction_session_timeout = '60s'; \
                         SET client_min_messages = warning; \

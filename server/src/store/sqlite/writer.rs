@@ -39,7 +39,7 @@ const QUEUE: usize = 1_024;
 /// Maximum number of trials in a batch.
 const BATCH: usize = 64;
 
-/// Maximum number of other requests in a batch.
+/// Maximum number of other requests in a batch. A test of `http/layers.rs` enrols this many people.
 const OTHERS: usize = 64;
 
 /// Pause between two background operations while requests wait.

@@ -122,10 +122,10 @@ pub(crate) fn svms(experiment: usize) -> SvmsApart {
 pub(crate) struct TreesApart {
     /// Number of test rows.
     pub(crate) rows: usize,
-    /// Number of rows that the reference flags, because one of six random states gives another
-    /// result.
+    /// Number of rows that the reference flags, because scikit-learn's trees with one of six seeds
+    /// give another result.
     pub(crate) flagged: usize,
-    /// Number of rows on which a thousand random states disagree.
+    /// Number of rows on which scikit-learn's trees with a thousand different seeds do not all agree.
     pub(crate) ties: usize,
     /// Number of tied rows predicted differently.
     pub(crate) different_ties: usize,

@@ -45,13 +45,13 @@ enum Word {
 
 /// Counts and durations of requests, and access to the store's counts and durations of commits.
 #[derive(Debug)]
-pub struct Observed {
+pub struct Metrics {
     requests: Family<Status, Counter>,
     seconds: Family<Route, Histogram, fn() -> Histogram>,
     commits: Commits,
 }
 
-impl Observed {
+impl Metrics {
     /// Metrics without any requests.
     #[must_use]
     pub fn new(store: &Store) -> Self {

@@ -74,7 +74,8 @@ fn main_sentences(files: &Files, of: &Told) -> BTreeSet<String> {
     all.into_iter().map(|told| format!("{begin}{told}")).collect()
 }
 
-/// The sentence about too few people. This function itself computes the smallest possible p-value.
+/// The sentence about too few people. The smallest p-value that the paired test can give is computed
+/// here, independently of the report's code.
 fn power_sentence(people: usize, family: usize) -> String {
     let least = (0..people).fold(2.0, |p: f64, _| 0.5 * p).min(1.0);
     let needed = (1..60).find(|n| 2.0 * 0.5_f64.powi(*n) * (family as f64) < 0.05).unwrap();
