@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields, default)]
 pub struct EncounterRange {
     /// Smallest angle between the headings (rad). Nearly parallel headings are excluded, because
-    /// their closing speed is small and the vehicles would have to start far apart.
+    /// their closing speed is small and the vehicles would have to start too close to each other.
     pub min_approach_rad: f64,
     /// Largest |miss distance| as a share of R_c.
     pub max_miss_share: f64,

@@ -1,7 +1,7 @@
 //! Admissibility of scenes.
 //!
 //! [`is_admissible`] is the definition. It simulates each escape step by step, like a trial.
-//! [`SceneRules`] makes the same decision a thousand times faster, from the geometry of straight
+//! [`SceneRules`] makes the same decision hundreds of times faster, from the geometry of straight
 //! lines and one turn. Where rounding errors could matter, it calls the definition, so that the
 //! scenes of a seed stay the same, bit for bit.
 
