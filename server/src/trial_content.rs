@@ -97,8 +97,8 @@ pub enum Recipe {
     UploadJson,
     /// Recipe 2, for trials from files: inputs, states and sampling times, as the bytes in the database.
     PackedBytes,
-    /// Recipe 3, for uploads: like recipe 1, but with the page's events and the exposures, inserted
-    /// before the display.
+    /// Recipe 3, for uploads: like recipe 1, with two more fields (the page's events and the exposures)
+    /// in front of the field `display`.
     UploadWithPage,
 }
 

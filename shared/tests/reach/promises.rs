@@ -69,8 +69,8 @@ impl Subject {
     }
 
     /// How far inside the polygons a drive stays (m), and where it ends. The last position is
-    /// compared with the polygons of the last step. The positions from part `from` on are compared
-    /// with the polygons of the tube. If the margin exceeds `least`, returns `least`.
+    /// compared with the polygons of the last step. The positions at the ends of part `from` and of all
+    /// later parts are compared with the polygons of the tube. If the margin exceeds `least`, returns `least`.
     fn margin(&self, shares: &[f64], from: usize, mut least: f64) -> (f64, Pose) {
         let mut end = origin();
         for (part, pose) in self.poses(shares).enumerate() {

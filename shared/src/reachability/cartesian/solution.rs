@@ -134,10 +134,10 @@ impl<T: Real, const D: usize> Solution<T, D> {
     /// at the state does not depend on the values beyond the grid's ends. After a longer march, V
     /// can depend on them.
     ///
-    /// This is a lower bound for all inputs of both players. Along each axis, the speed of a path
-    /// is bounded by the largest speed bound at any node of the grid with that coordinate, **in
-    /// either direction**, since the bounds have no sign. The paths that determine V can leave much
-    /// later. They never leave where, for instance, all states move away from an end.
+    /// This is a lower bound for all inputs of both players. Along each axis, it assumes that a path
+    /// at a given coordinate moves at the largest speed bound of all nodes with this coordinate, and
+    /// **toward either end** of the grid, since the bounds have no sign. The paths that determine V
+    /// can leave much later. They never leave where, for instance, all states move away from an end.
     ///
     /// # Errors
     /// The errors of [`Self::value`].

@@ -41,7 +41,7 @@ impl<T: Real> Level<T> {
     /// The converged value of the game of [`Self::right_copy`].
     pub(super) fn right_sheet(&self) -> Self {
         let mut sheet = self.right_copy();
-        // Where the evader turns to this side in the full game, the sheet already has its final
+        // Where the evader turns right in the full game, the sheet of right turns already has its final
         // values. So only a few cells beyond the kink need new values.
         let rest = T::from_f64(SAFE * self.game.radius_m);
         for _ in 0..SHEET_SWEEPS {

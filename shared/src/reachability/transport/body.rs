@@ -99,8 +99,8 @@ pub(super) fn take_floats(
     Ok((deficit, sheet.then_some(sheet_values)))
 }
 
-/// Maps the position of an entry in a sheet, which covers a full turn of bearings, to the position
-/// of the deficit at the same state.
+/// Maps the index of a value in a sheet to the index of the deficit at the same state. A sheet covers
+/// all bearings. The deficit covers half of them; the other half is its mirror image.
 struct Mirror([usize; 3]);
 
 impl Mirror {

@@ -122,8 +122,8 @@ pub(crate) fn svms(experiment: usize) -> SvmsApart {
 pub(crate) struct TreesApart {
     /// Number of test rows.
     pub(crate) rows: usize,
-    /// Number of rows that the reference flags, because scikit-learn's trees with one of six seeds
-    /// give another result.
+    /// Number of rows that the reference flags as ambiguous, because scikit-learn's trees with six
+    /// different seeds do not all agree.
     pub(crate) flagged: usize,
     /// Number of rows on which scikit-learn's trees with a thousand different seeds do not all agree.
     pub(crate) ties: usize,

@@ -72,7 +72,7 @@ pub(super) async fn case_18_forged_external_ids(server: &Server) {
     for same in ["p1", " P1 ", "P1"] {
         let known: Enrolled = ask(same).await.into(200);
         assert_eq!(known.participant_id, person.participant_id, "{same:?} is the same person");
-        // Someone who knows the id can continue, but cannot withdraw the participant.
+        // Someone who knows only the external id can continue the participation, but cannot withdraw it.
         let other = Driver { enrolled: known };
         for data in ["keep", "delete"] {
             other.withdraw(server, data).await.problem(403, "not_yours", None);

@@ -16,7 +16,7 @@ pub enum Driver {
     Synthetic(u64),
 }
 
-/// Largest number of a synthetic driver in links.
+/// Highest driver number that a link (`synthetic-N`) can have.
 const MOST_DRIVERS: u64 = 999;
 
 /// Seed of the population of synthetic drivers.

@@ -81,7 +81,7 @@ impl Replay {
         }
     }
 
-    /// Uses this method for the predictions in this pane, or shows the error.
+    /// Predicts with `method` in this pane. If `method` is an error or does not fit, shows the error.
     pub(super) fn take(&mut self, pane: Pane, method: Result<Method, String>) {
         let Some((choice, playback)) = self.pane(pane) else { return };
         let used = method.and_then(|method| {
