@@ -287,6 +287,14 @@ mod tests {
             let name = languages.get(tag).unwrap().get("language.name").unwrap();
             assert!(!name.is_empty(), "{tag}");
         }
+        // Chinese has one form for all numbers.
+        let english = languages.get("en").unwrap();
+        for tag in languages.tags().filter(|tag| !tag.starts_with("zh")) {
+            for (key, _) in english.iter().filter(|(key, _)| key.ends_with(".one")) {
+                let found = languages.get(tag).unwrap().get(key);
+                assert!(found.is_some(), "{tag}.toml lacks the form {key}");
+            }
+        }
     }
 
     #[test]

@@ -256,6 +256,56 @@ mod tests {
         assert_eq!(of(&FeatureSet::all()), [true; 2]);
     }
 
+    /// A feature is of an evader's level if and only if its values change with that value function.
+    /// The other value function has the same speeds and other turn rates.
+    #[test]
+    fn a_feature_is_of_the_level_that_it_computes_with() {
+        let parameters = SceneParameters::default();
+        let mut slower = parameters;
+        slower.human.turn_rate_radps = 0.6;
+        slower.robot.turn_rate_radps = 0.6;
+        let solve = |parameters: &SceneParameters| {
+            SafetyLevels::solve(parameters, &mut |_| ControlFlow::Continue(())).unwrap()
+        };
+        let (usual, other) = (solve(&parameters), solve(&slower));
+        let mut rng = crate::math::SeededRng::new(3);
+        let mut pose =
+            || Pose::new(rng.uniform(-6.0, 6.0), rng.uniform(-6.0, 6.0), rng.uniform(-3.1, 3.1));
+        let states: Vec<_> =
+            (0..200).map(|_| JointState { human: pose(), robot: pose() }).collect();
+        for feature in FEATURES {
+            let set = FeatureSet::of(&[feature.name]).unwrap();
+            for evader in Evader::ALL {
+                let mut mixed = usual.clone();
+                match evader {
+                    Evader::Human => mixed.human = other.human.clone(),
+                    Evader::Robot => mixed.robot = other.robot.clone(),
+                }
+                let changes = |state: &JointState| {
+                    feature.value(&[*state], &usual) != feature.value(&[*state], &mixed)
+                };
+                let found = states.iter().any(changes);
+                assert_eq!(found, set.has_level(evader), "{}: has_level({evader:?})", feature.name);
+            }
+        }
+    }
+
+    /// A value that is not finite would exclude a participant.
+    #[test]
+    fn features_are_finite_in_every_state() {
+        let parameters = SceneParameters::default();
+        let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(())).unwrap();
+        let human = Pose::new(1.0, -2.0, 0.4);
+        for robot in [human, Pose::new(1.0, -2.0, 0.4 + crate::math::PI), Pose::new(1e4, 0.0, 0.0)]
+        {
+            let state = JointState { human, robot };
+            for feature in FEATURES {
+                let value = feature.value(&[state], &safety);
+                assert!(value.is_finite(), "{}: {value} at {state:?}", feature.name);
+            }
+        }
+    }
+
     #[test]
     fn levels_are_solved_only_where_a_feature_needs_them() {
         let mut parameters = SceneParameters::default();

@@ -217,6 +217,25 @@ fn every_layer_is_in_the_table() {
     }
 }
 
+/// Each layer's switch has a colour in the style sheet.
+#[test]
+fn every_layer_has_a_swatch() {
+    let style = read("static/lab.css");
+    let table = read("shared/src/trial_view/layers.rs");
+    let swatches: Vec<_> = table.split("swatch: \"").skip(1).collect();
+    assert!(swatches.len() > 5, "{} swatches", swatches.len());
+    for swatch in swatches {
+        let classes = swatch.split('"').next().unwrap();
+        for class in classes.split(' ') {
+            let known = style.lines().any(|line| {
+                let line = line.split('{').next().unwrap_or_default();
+                line.contains(".swatch") && line.split(['.', ',', ' ', ':']).any(|it| it == class)
+            });
+            assert!(known, "static/lab.css has no rule .swatch.{class}");
+        }
+    }
+}
+
 #[test]
 fn documents_name_files_that_exist() {
     for document in files(".", ".md") {

@@ -2,6 +2,7 @@
 //! every field, and its tables name every field.
 
 use serde_json::Value;
+use sidestep::study::StudyConfig;
 use sidestep_server::formats::study_toml::StudyFile;
 use sidestep_server::languages::Languages;
 use sidestep_tests::Folder;
@@ -77,6 +78,53 @@ fn its_whole_file_has_every_field_and_its_tables_name_them() {
         let name = path.rsplit('.').next().unwrap();
         let is_language = file.config().languages.iter().any(|tag| tag == name);
         assert!(is_language || named.contains(name), "no table of the guide names {path}");
+    }
+}
+
+/// The paths of all numbers in a value, as JSON pointers.
+fn add_numbers(value: &Value, above: &str, found: &mut Vec<String>) {
+    match value {
+        Value::Number(_) => found.push(above.to_owned()),
+        Value::Object(object) => {
+            object
+                .iter()
+                .for_each(|(name, value)| add_numbers(value, &format!("{above}/{name}"), found));
+        }
+        Value::Array(items) => {
+            let items = items.iter().enumerate();
+            items.for_each(|(i, value)| add_numbers(value, &format!("{above}/{i}"), found));
+        }
+        _ => {}
+    }
+}
+
+/// No number of a study is unlimited: the check or the parser refuses at least one of two very large
+/// values, and names the field.
+#[test]
+fn every_number_has_a_range() {
+    let is_whole = |text: &&str| text.starts_with("# A whole study file");
+    let text = examples(GUIDE).into_iter().find(is_whole).unwrap();
+    let folder = Folder::default();
+    let file = StudyFile::read(Path::new(&folder.file("study.toml", text))).unwrap();
+    let whole = serde_json::to_value(file.config()).unwrap();
+    let mut numbers = Vec::new();
+    add_numbers(&whole, "", &mut numbers);
+    assert!(numbers.len() > 20, "{numbers:?}");
+    for pointer in numbers {
+        let name = pointer.rsplit('/').find(|part| part.parse::<usize>().is_err()).unwrap();
+        let is_refused = [-1e12, 1e12].into_iter().any(|number| {
+            let mut changed = whole.clone();
+            *changed.pointer_mut(&pointer).unwrap() =
+                match whole.pointer(&pointer).unwrap().is_f64() {
+                    true => number.into(),
+                    false => (number as i64).into(),
+                };
+            match serde_json::from_value::<StudyConfig>(changed) {
+                Ok(config) => config.check().is_err_and(|error| error.field.contains(name)),
+                Err(_) => true,
+            }
+        });
+        assert!(is_refused, "{pointer} has no range in StudyConfig::check");
     }
 }
 

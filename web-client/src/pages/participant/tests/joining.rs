@@ -2,6 +2,8 @@
 //! and pilots.
 
 use super::*;
+use std::fs::{read_dir, read_to_string};
+use std::path::Path;
 
 #[test]
 fn from_consent_to_the_code() {
@@ -269,19 +271,12 @@ fn another_language_is_asked_for_and_kept() {
 /// Every sentence key in the page's code is in the English language file, and vice versa.
 #[test]
 fn the_language_file_has_the_sentences_of_the_page() {
-    let sources = [
-        include_str!("../../participant.rs"),
-        include_str!("../sending.rs"),
-        include_str!("../course.rs"),
-        include_str!("../answers.rs"),
-        include_str!("../joining.rs"),
-        include_str!("../view.rs"),
-        include_str!("../view/around.rs"),
-        include_str!("../view/before.rs"),
-        include_str!("../view/driving.rs"),
-        include_str!("../view/after.rs"),
-    ];
-    let code = sources.concat();
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/pages/participant");
+    let files = [page.clone(), page.join("view")].into_iter().flat_map(|it| read_dir(it).unwrap());
+    let files = files.map(|entry| entry.unwrap().path());
+    let sources = files.chain([page.with_extension("rs")]);
+    let sources = sources.filter(|path| path.is_file() && !path.ends_with("tests.rs"));
+    let code: String = sources.map(|path| read_to_string(path).unwrap()).collect();
     let sentences = texts().sentences;
     let tables: Vec<_> = sentences.iter().filter_map(|(key, _)| key.split('.').next()).collect();
     for literal in code.split('"').skip(1).step_by(2) {
