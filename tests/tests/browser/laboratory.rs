@@ -122,7 +122,8 @@ async fn a_replay_is_filmed() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
     let sent = Driver::enrol(&server).await.drive(&server, 2).await;
     sign_in(&tab, &server).await;
-    tab.go(&format!("{}/lab/replay/{}?t=9", server.origin, sent[0].0)).await;
+    // A film of four seconds: on a busy machine, the browser needs a second until it encodes the first frame.
+    tab.go(&format!("{}/lab/replay/{}?t=6", server.origin, sent[0].0)).await;
     until_predicted(&tab).await;
     // Intercept downloads.
     let offers = "offer = URL.createObjectURL, \
