@@ -16,6 +16,15 @@ async fn answer(command: &str, document: &Value) -> Value {
     said_of(command, &document.to_string()).await.only_json()
 }
 
+/// What the parser expects as a kind of model: the kinds of the table, in its order.
+fn kinds() -> String {
+    let table = include_str!("../../../shared/src/predict.rs");
+    let named = table.split("/// `\"kind\": \"").skip(1);
+    let names: Vec<_> = named.map(|rest| rest.split('"').next().unwrap()).collect();
+    let (last, others) = names.split_last().unwrap();
+    format!("expected {} or {last}", others.join(", "))
+}
+
 /// Checks that a command rejects the document with one line that names the file and contains these
 /// words.
 async fn refused(command: &str, document: &str, words: &str) {
@@ -302,7 +311,8 @@ async fn bounds_names_what_is_wrong() {
     let mut document = bounds();
     document["predictor"] = whether(1);
     assert_eq!(answer("bounds", &document).await, answer("bounds", &bounds()).await);
-    let kind = "predictor.kind: expected boosted, ";
+    let kind = format!("predictor.kind: {}", kinds());
+    let kind = &kind[..];
     for (pointer, value, words) in [
         ("/epsilon", json!([0.2, 0.1]), "epsilon[1]: expected 0.2 rad/s or more"),
         ("/epsilon", json!([]), "epsilon: expected at least one set"),
@@ -379,7 +389,8 @@ async fn there_is_one_predictor() {
     };
     let which = "beside.json: experiment: expected 1, a model of the turn direction";
     refuses(&alone, Some(&with("experiment", json!(2))), which).await;
-    let kind = "beside.json: kind: expected boosted, ";
+    let kind = format!("beside.json: kind: {}", kinds());
+    let kind = &kind[..];
     refuses(&alone, Some(&with("kind", json!("oracle"))), kind).await;
     let class = "beside.json: classes[0]: expected -1";
     refuses(&alone, Some(&with("classes", json!([-2, 0, 1]))), class).await;
