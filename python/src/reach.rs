@@ -5,16 +5,17 @@ use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use sidestep::bounds::InputBounds;
 use sidestep::invalid::Invalid;
-use sidestep::reach::{self, Outline, PolygonSettings, Tolerance, Workspace};
+use sidestep::reach::{self, Outline, PolygonSettings, SpeedRange, Tolerance, Workspace};
 use sidestep::vehicle::Pose;
 
-use crate::arrays::{count, list, numbers, points, pose, poses, wrong_shape};
+use crate::arrays::{Numbers, count, list, numbers, points, pose, poses, wrong_shape};
 use crate::bounds::few_steps;
 use crate::error::Error;
 use crate::interrupt::each;
 use crate::scalars::{real, whole};
 
-/// Every position and every pose that a vehicle can reach at constant speed under bounds on its turn rate.
+/// Every position and every pose that a vehicle can reach under bounds on its turn rate, at a constant speed or
+/// with speeds from a range.
 ///
 /// Parameters
 /// ----------
@@ -23,8 +24,9 @@ use crate::scalars::{real, whole};
 /// lo, hi : array of float64, shape (T,), 1 ≤ T ≤ 100
 ///     Lowest and highest turn rate of each step (rad/s, left positive); at most half a turn per step. Bounds
 ///     that exclude driving straight by less than 10⁻⁵ rad over all steps are treated as if they allowed it.
-/// speed_mps : float
-///     Speed (m/s), > 0; at most 100 m per step. By default the paper's.
+/// speed_mps : float, or array of float64, shape (2,) or (T, 2)
+///     Speed (m/s), > 0; at most 100 m per step. By default the paper's. Or the lowest (≥ 0) and the highest
+///     speed, of all steps or of each step: the vehicle then changes its speed within this range at any time.
 /// step_s : float
 ///     Length of a step (s), > 0. By default the paper's.
 #[pyclass(frozen, eq, module = "sidestep")]
@@ -33,23 +35,35 @@ pub(crate) struct ReachableSet {
     pub(crate) set: reach::ReachableSet,
     /// The bounds that define the set.
     pub(crate) bounds: InputBounds,
-    pub(crate) speed_mps: f64,
     pub(crate) step_s: f64,
 }
 
 #[pymethods]
 impl ReachableSet {
     #[new]
-    #[pyo3(signature = (start, lo, hi, speed_mps=2.0, step_s=0.2))]
+    #[pyo3(
+        signature = (start, lo, hi, speed_mps=PAPERS.into(), step_s=0.2),
+        text_signature = "(start, lo, hi, speed_mps=2.0, step_s=0.2)"
+    )]
     fn new(
         start: &Bound<'_, PyAny>,
         lo: &Bound<'_, PyAny>,
         hi: &Bound<'_, PyAny>,
-        #[pyo3(from_py_with = real)] speed_mps: f64,
+        speed_mps: Speeds,
         #[pyo3(from_py_with = real)] step_s: f64,
     ) -> Result<Self, Error> {
         let start = pose("start", start)?;
-        Self::under(start, list("lo", lo)?, list("hi", hi)?, speed_mps, step_s)
+        Self::under(start, list("lo", lo)?, list("hi", hi)?, speed_mps.0, step_s)
+    }
+
+    /// The lowest and the highest speed of all steps, or of each step (m/s).
+    #[getter]
+    fn speed_mps<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        match self.speeds()[..] {
+            [[lo, hi]] if lo == hi => lo.into_bound_py_any(py),
+            [range] => Ok(range.to_vec().into_pyarray(py).into_any()),
+            ref ranges => Ok(points(py, ranges)?.into_any()),
+        }
     }
 
     /// The number of steps T.
@@ -196,9 +210,9 @@ impl ReachableSet {
     }
 
     #[allow(clippy::type_complexity, reason = "the arguments of `new`")]
-    fn __getnewargs__(&self) -> ([f64; 3], Vec<f64>, Vec<f64>, f64, f64) {
+    fn __getnewargs__(&self) -> ([f64; 3], Vec<f64>, Vec<f64>, Vec<[f64; 2]>, f64) {
         let (lo, hi) = (self.bounds.lo().to_vec(), self.bounds.hi().to_vec());
-        (self.set.start().into(), lo, hi, self.speed_mps, self.step_s)
+        (self.set.start().into(), lo, hi, self.speeds(), self.step_s)
     }
 
     fn __repr__(&self) -> String {
@@ -212,11 +226,14 @@ impl ReachableSet {
         start: Pose,
         lo: Vec<f64>,
         hi: Vec<f64>,
-        speed_mps: f64,
+        speeds: Vec<SpeedRange>,
         step_s: f64,
     ) -> Result<Self, Error> {
         few_steps("lo", lo.len())?;
-        Ok(Self::of(start, InputBounds::new(lo, hi, (f64::MIN, f64::MAX))?, speed_mps, step_s)?)
+        let bounds = InputBounds::new(lo, hi, (f64::MIN, f64::MAX))?;
+        let set =
+            reach::ReachableSet::with_speeds(start, &bounds, speeds, step_s).map_err(named)?;
+        Ok(Self { set, bounds, step_s })
     }
 
     /// Creates the reachable set of a vehicle at `start`.
@@ -227,7 +244,12 @@ impl ReachableSet {
         step_s: f64,
     ) -> Result<Self, Invalid> {
         let set = reach::ReachableSet::new(start, &bounds, speed_mps, step_s)?;
-        Ok(Self { set, bounds, speed_mps, step_s })
+        Ok(Self { set, bounds, step_s })
+    }
+
+    /// The lowest and the highest speed of all steps, or of each step (m/s).
+    fn speeds(&self) -> Vec<[f64; 2]> {
+        self.set.speeds().iter().map(|range| [range.lo_mps(), range.hi_mps()]).collect()
     }
 
     fn step(&self, step: i64) -> Result<usize, Error> {
@@ -236,6 +258,44 @@ impl ReachableSet {
             return Ok(found);
         }
         Err(Invalid::new("step", format!("0 to {}", self.set.steps()), step).into())
+    }
+}
+
+/// The paper's speed (m/s).
+const PAPERS: f64 = 2.0;
+
+/// The argument `speed_mps`: a constant speed, or ranges of speeds.
+#[derive(Clone)]
+pub(crate) struct Speeds(Vec<SpeedRange>);
+
+impl From<f64> for Speeds {
+    fn from(speed_mps: f64) -> Self {
+        Self(vec![speed_mps.into()])
+    }
+}
+
+impl<'py> FromPyObject<'_, 'py> for Speeds {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        if let Ok(speed_mps) = real(&object) {
+            return Ok(speed_mps.into());
+        }
+        let Numbers { shape, values } = numbers("speed_mps", "a number, (2,) or (T, 2)", &object)?;
+        if !matches!(shape[..], [2] | [1.., 2]) {
+            return Err(wrong_shape("speed_mps", "a number, (2,) or (T, 2)", &shape).into());
+        }
+        let ranges = values.chunks_exact(2).map(|range| SpeedRange::new(range[0], range[1]));
+        let ranges: Result<_, Invalid> = ranges.collect();
+        Ok(Self(ranges.map_err(Error::from)?))
+    }
+}
+
+/// In an error, replaces the library's name of an argument by its name in Python.
+fn named(invalid: Invalid) -> Invalid {
+    match invalid.field.as_str() {
+        "speeds" => Invalid { field: "speed_mps".to_owned(), ..invalid },
+        _ => invalid,
     }
 }
 
@@ -250,8 +310,8 @@ impl ReachableSet {
 ///     The current pose (x, y, ψ) in the world frame (m, m, rad).
 /// lo, hi : array of float64, shape (m, T), 1 ≤ T ≤ 100
 ///     Lowest and highest turn rate of each step (rad/s, left positive).
-/// speed_mps : float
-///     Speed (m/s), > 0; at most 100 m per step. By default the paper's.
+/// speed_mps : float, or array of float64, shape (2,) or (T, 2)
+///     Speed, or lowest and highest speed (m/s), as for `ReachableSet`. By default the paper's.
 /// step_s : float
 ///     Length of a step (s), > 0. By default the paper's.
 ///
@@ -260,12 +320,16 @@ impl ReachableSet {
 /// list of ReachableSet
 ///     The m sets.
 #[pyfunction]
-#[pyo3(name = "reach", signature = (start, lo, hi, speed_mps=2.0, step_s=0.2))]
+#[pyo3(
+    name = "reach",
+    signature = (start, lo, hi, speed_mps=PAPERS.into(), step_s=0.2),
+    text_signature = "(start, lo, hi, speed_mps=2.0, step_s=0.2)"
+)]
 pub(crate) fn reach_all(
     start: &Bound<'_, PyAny>,
     lo: &Bound<'_, PyAny>,
     hi: &Bound<'_, PyAny>,
-    #[pyo3(from_py_with = real)] speed_mps: f64,
+    speed_mps: Speeds,
     #[pyo3(from_py_with = real)] step_s: f64,
 ) -> Result<Vec<ReachableSet>, Error> {
     let start = pose("start", start)?;
@@ -284,11 +348,10 @@ pub(crate) fn reach_all(
     let steps = lo.shape[1];
     let sets = lo.values.chunks_exact(steps).zip(hi.values.chunks_exact(steps)).enumerate();
     sets.map(|(j, (lo, hi))| {
-        ReachableSet::under(start, lo.to_vec(), hi.to_vec(), speed_mps, step_s).map_err(|error| {
-            match error {
-                Error::Invalid(invalid) => invalid.within(&format!("set {j}")).into(),
-                raised => raised,
-            }
+        let set = ReachableSet::under(start, lo.to_vec(), hi.to_vec(), speed_mps.0.clone(), step_s);
+        set.map_err(|error| match error {
+            Error::Invalid(invalid) => invalid.within(&format!("set {j}")).into(),
+            raised => raised,
         })
     })
     .collect()

@@ -1,5 +1,5 @@
-//! Exact planar reachable sets of a vehicle that moves at constant speed. The bounds on its turn rate
-//! can differ from step to step.
+//! Planar reachable sets of a vehicle that moves at a constant speed or chooses its speed from a range. The
+//! bounds on its turn rate can differ from step to step, and so can the range of its speed.
 //!
 //! There is no grid and no level set: by Pontryagin's principle the boundary of the set
 //! consists of a few families of explicit paths ([`ReachableSet`], `boundary`).
@@ -45,6 +45,7 @@
 mod paths;
 mod budget;
 mod sampling;
+mod speeds;
 mod start;
 pub mod polygon;
 mod outline;
@@ -62,4 +63,5 @@ pub use minkowski::minkowski_disc;
 pub(crate) use paths::nearly_zero;
 pub use sampling::{Outline, PolygonSettings};
 pub use set::ReachableSet;
+pub use speeds::SpeedRange;
 pub use start::{PositionUncertainty, StartSet};

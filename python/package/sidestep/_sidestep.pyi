@@ -330,8 +330,10 @@ def bounds(
 @final
 class ReachableSet:
     def __new__(
-        cls, start: ArrayLike, lo: ArrayLike, hi: ArrayLike, speed_mps: float = 2.0, step_s: float = 0.2
+        cls, start: ArrayLike, lo: ArrayLike, hi: ArrayLike, speed_mps: ArrayLike = 2.0, step_s: float = 0.2
     ) -> Self: ...
+    @property
+    def speed_mps(self) -> float | _Floats: ...
     @property
     def steps(self) -> int: ...
     @overload
@@ -362,7 +364,7 @@ class ReachableSet:
     def __getnewargs__(self) -> tuple[list[float], list[float], list[float], float, float]: ...
 
 def reach(
-    start: ArrayLike, lo: ArrayLike, hi: ArrayLike, speed_mps: float = 2.0, step_s: float = 0.2
+    start: ArrayLike, lo: ArrayLike, hi: ArrayLike, speed_mps: ArrayLike = 2.0, step_s: float = 0.2
 ) -> list[ReachableSet]: ...
 
 def drive(start: ArrayLike, speed_mps: ArrayLike, turn_rates: ArrayLike, step_s: float) -> _Floats: ...

@@ -8,7 +8,9 @@ use sidestep::bounds::InputBounds;
 use sidestep::invalid::{Invalid, positive};
 use sidestep::math::PI;
 use sidestep::reach::polygon::{bounding_box, signed_area, signed_distance};
-use sidestep::reach::{PolygonSettings, PositionUncertainty, ReachableSet, StartSet, Tolerance};
+use sidestep::reach::{
+    PolygonSettings, PositionUncertainty, ReachableSet, SpeedRange, StartSet, Tolerance,
+};
 use sidestep::vehicle::Pose;
 
 /// Compute reachable sets under bounds on the turn rate, and test whether states are in them.
@@ -19,13 +21,15 @@ use sidestep::vehicle::Pose;
 /// "heading": 0.002}, "accuracy": 0.0001, "conservative": false}. "queries", "tolerance",
 /// "accuracy" and "conservative" are optional; the defaults are shown. A state counts as inside if
 /// it is outside by at most the tolerance. Edges of polygons are within the accuracy (m) of the
-/// true boundary, on either side; holes are filled. Where this accuracy would take too much work
+/// true boundary, on either side; holes are filled. "speed" is a constant speed (m/s), or [lowest,
+/// highest] for a vehicle that changes its speed at any time. Where this accuracy would take too much work
 /// (large turns per step, many steps, high accuracy), polygons are larger and contain the set.
 /// Bounds that forbid straight driving by less than 1e-4 rad/s are treated as allowing it.
 ///
 /// Conservative polygons, areas and boxes are slightly larger, so that they contain the whole set
 /// under all bounds. Where they would take too much work, their error can exceed the accuracy.
-/// Queries still test the exact set. "full" never misses a reachable state. At large turns per step
+/// Queries still test the exact set. With a range of speeds, "full" is true if the heading is
+/// admissible and the position is inside a conservative polygon. "full" never misses a reachable state. At large turns per step
 /// it can be true for an unreachable state, if unreachability is not proved.
 ///
 /// An uncertain start adds "start": {"disc": r, "heading": δ} or {"box": [along, across],
@@ -50,7 +54,7 @@ pub struct ReachArgs {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Input {
-    speed: f64,
+    speed: SpeedInput,
     dt: f64,
     turn_rate: (f64, f64),
     initial: Pose,
@@ -60,6 +64,13 @@ struct Input {
     accuracy: Option<f64>,
     #[serde(default)]
     conservative: bool,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(untagged, expecting = "a speed or [lowest, highest] (m/s)")]
+enum SpeedInput {
+    Constant(f64),
+    Range([f64; 2]),
 }
 
 #[derive(Deserialize)]
@@ -163,7 +174,7 @@ pub async fn run(args: ReachArgs) -> Result<(), CommandError> {
 }
 
 fn answer(input: &Input) -> Result<Answer, Invalid> {
-    positive("speed", input.speed)?;
+    let speed = speed(input.speed)?;
     positive("dt", input.dt)?;
     input.initial.check().map_err(|invalid| invalid.within("initial"))?;
     let (least, most) = input.turn_rate;
@@ -190,13 +201,20 @@ fn answer(input: &Input) -> Result<Answer, Invalid> {
     }
     let start = start(input)?;
     let sets = input.sets.iter().enumerate().map(|(j, set)| {
-        set_answer(input, start, set, settings, tolerance).map_err(|invalid| {
+        set_answer(input, (start, speed), set, settings, tolerance).map_err(|invalid| {
             let named = named(invalid.clone());
             // If the field was renamed, it belongs to the whole document and not to one set.
             if named == invalid { named.within(&format!("sets[{j}]")) } else { named }
         })
     });
     Ok(Answer { sets: sets.collect::<Result<_, _>>()? })
+}
+
+fn speed(given: SpeedInput) -> Result<SpeedRange, Invalid> {
+    match given {
+        SpeedInput::Constant(speed) => positive("speed", speed).map(SpeedRange::from),
+        SpeedInput::Range([lo, hi]) => SpeedRange::new(lo, hi).map_err(named),
+    }
 }
 
 fn start(input: &Input) -> Result<StartSet, Invalid> {
@@ -235,13 +253,13 @@ fn tolerance(given: Option<&ToleranceInput>) -> Result<Tolerance, Invalid> {
 
 fn set_answer(
     input: &Input,
-    start: StartSet,
+    (start, speed): (StartSet, SpeedRange),
     given: &SetInput,
     settings: PolygonSettings,
     tolerance: Tolerance,
 ) -> Result<SetAnswer, Invalid> {
     let bounds = InputBounds::new(given.lo.clone(), given.hi.clone(), input.turn_rate)?;
-    let set = ReachableSet::new(start, &bounds, input.speed, input.dt)?;
+    let set = ReachableSet::new(start, &bounds, speed, input.dt)?;
     let polygons: Vec<_> = (0..=set.steps()).map(|step| set.step_polygon(step, settings)).collect();
     // Queries test the exact set. Conservative polygons are larger, so queries do not use them.
     let mut exact: Vec<Option<Vec<[f64; 2]>>> = vec![None; polygons.len()];

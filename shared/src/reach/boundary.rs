@@ -135,7 +135,7 @@ impl Workspace {
 /// found no missed position. If headings swing farther, tests found missed positions, because paths
 /// with several switches then bound the set.
 pub(super) fn is_of_extremals(paths: &Paths, steps: usize) -> bool {
-    paths.swing(steps) <= FRAC_PI_2 && !paths.graze_straight(steps)
+    paths.have_one_speed(steps) && paths.swing(steps) <= FRAC_PI_2 && !paths.graze_straight(steps)
 }
 
 /// Along every edge, a front advances by more than this (s) to the left, as seen in the middle

@@ -1,10 +1,10 @@
 //! Convex polygons that enclose a set, computed fast for all bounds.
 //!
-//! How far can a path get in direction φ? The coordinate of its position along φ is ∫ cos(θ(t) − φ) dt.
-//! Its heading θ(t) is between the headings of the two outermost paths, λ(t) ≤ θ(t) ≤ η(t). So the path
-//! gets no farther than
+//! How far can a path get in direction φ? The coordinate of its position along φ is ∫ v(t) cos(θ(t) − φ) dt.
+//! Its heading θ(t) is between the headings of the two outermost paths, λ(t) ≤ θ(t) ≤ η(t), and its speed
+//! v(t) is in an interval. So the path gets no farther than
 //!
-//!   h(φ) = ∫ max { cos(θ − φ) : λ(t) ≤ θ ≤ η(t) } dt,
+//!   h(φ) = ∫ max { v cos(θ − φ) : λ(t) ≤ θ ≤ η(t), v₋(t) ≤ v ≤ v₊(t) } dt,
 //!
 //! and for any number of directions, the intersection of the half-planes {x : x·e_φ ≤ h(φ)}
 //! contains the set. In each step λ and η are linear in time. The integral therefore has a closed form
@@ -91,8 +91,12 @@ impl Headings<'_> {
             high.multiples(FRAC_PI_2, seconds, instants);
             middle.multiples(PI, seconds, instants);
             instants.sort_unstable_by(f64::total_cmp);
+            let [slow, fast] = self.paths.speeds[step];
             for pair in instants.windows(2) {
-                along += best(low, high, (pair[0], pair[1]));
+                // The best heading does not pass a quarter turn between two instants, so the cosine keeps
+                // its sign.
+                let straight = best(low, high, (pair[0], pair[1]));
+                along += straight * if straight > 0.0 { fast } else { slow };
                 most = most.max(along);
             }
         }

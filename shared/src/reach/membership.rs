@@ -24,8 +24,11 @@ mod slice;
 mod body_point;
 mod origins;
 
+use super::boundary::Workspace;
 use super::budget::{Budget, Cancelled, Progress};
 use super::paths::unit;
+use super::polygon::signed_distance;
+use super::sampling::PolygonSettings;
 use super::set::ReachableSet;
 use crate::math::TAU;
 use crate::vehicle::Pose;
@@ -104,6 +107,9 @@ impl ReachableSet {
     /// proof would take more than 24 attempts or too much work; [`Self::state_membership`] distinguishes
     /// these cases.
     ///
+    /// If the speed is chosen from a range, the result is `true` for every state whose heading is admissible and
+    /// whose position is within the tolerance of a conservative polygon.
+    ///
     /// # Panics
     /// If `step` > [`Self::steps`].
     #[must_use]
@@ -166,16 +172,43 @@ impl ReachableSet {
         assert!(step <= self.steps(), "step {step} of {}", self.steps());
         // Every state costs at least one unit.
         budget.spend(1);
-        if state.psi.abs() <= MOST_RAD {
+        if state.psi.abs() > MOST_RAD || !state.psi.is_finite() {
+            Membership::Outside
+        } else if self.paths.have_one_speed(step) {
             Origins::new(self, step, state, tolerance, budget).decide(trials)
         } else {
-            Membership::Outside
+            self.decide_by_position(step, state, tolerance, trials, budget)
         }
+    }
+
+    /// The curves of a slice assume a constant speed. With a choice of speeds, a state is outside if its heading
+    /// is not admissible or if its position is outside a conservative polygon. Otherwise it is open.
+    fn decide_by_position(
+        &self,
+        step: usize,
+        state: Pose,
+        tolerance: Tolerance,
+        trials: usize,
+        budget: &Budget<'_>,
+    ) -> Membership {
+        let slack = tolerance.heading_rad + self.start_set.heading_rad;
+        if self.branches(step, state, slack).next().is_none() || !self.local(state).is_finite() {
+            return Membership::Outside;
+        }
+        if trials == 0 {
+            return Membership::Open;
+        }
+        let accuracy_m = tolerance.position_m.clamp(1e-3, 1.0);
+        let settings = PolygonSettings::new(accuracy_m, 1).unwrap_or_default().conservative();
+        let (mut workspace, mut polygon) = (Workspace::default(), Vec::new());
+        self.draw((step, false), settings, &mut workspace, &mut polygon, budget);
+        let is_outside = || signed_distance(&polygon, state.position()) > tolerance.position_m;
+        if budget.is_cancelled() || !is_outside() { Membership::Open } else { Membership::Outside }
     }
 
     /// How far `state` (world frame) is inside the set of states reached after exactly `step` steps. If
     /// the start is a set, only the pose in its middle counts. The margins are NaN if the state is not
-    /// finite, if its heading is beyond 10⁶ rad, or if the work exceeds four million units (see
+    /// finite, if the speed is chosen from a range, if its heading is beyond 10⁶ rad, or if the work exceeds four million units (see
     /// [`Self::state_membership`]). The last case occurs for some states after tens of steps of half a
     /// turn.
     ///
@@ -189,7 +222,8 @@ impl ReachableSet {
         let unknown =
             StateMargins { heading_rad: f64::NAN, position_m: f64::NAN, nearest: Side::Front };
         let mut best = unknown;
-        if !(position.norm_sqr().is_finite() && state.psi.abs() <= MOST_RAD) {
+        let is_known = position.norm_sqr().is_finite() && state.psi.abs() <= MOST_RAD;
+        if !is_known || !self.paths.have_one_speed(step) {
             return best;
         }
         let rank = |margins: &StateMargins| (margins.heading_rad.min(0.0), margins.position_m);
@@ -249,7 +283,8 @@ impl ReachableSet {
     /// (rad/s). As long as the inputs satisfy the bounds, the states are reachable by definition. From
     /// the first step whose input violates the bounds, each state must be [inside](Membership::Inside)
     /// within `tolerance`. An open state counts as not inside, so the share of contained trajectories
-    /// is never overestimated. The work limit for a single state is divided among all states.
+    /// is never overestimated. In particular, no state is inside if the speed is chosen from a range. The work limit
+    /// for a single state is divided among all states.
     ///
     /// # Panics
     /// If there are more states than [`Self::steps`], or fewer inputs than states.
@@ -261,6 +296,8 @@ impl ReachableSet {
         tolerance: Tolerance,
     ) -> bool {
         let bounds = self.paths.lo.iter().zip(&self.paths.hi);
+        // Turn rates alone do not tell whether the speeds were admissible.
+        let inputs = inputs.filter(|_| self.paths.have_one_speed(self.steps()));
         let known = inputs.map_or(0, |inputs| {
             assert!(inputs.len() >= states.len(), "an input for each state");
             bounds

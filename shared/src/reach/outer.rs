@@ -21,6 +21,20 @@
 //!
 //! The construction of the tube also adds, in each piece, the positions passed on the way
 //! ([`Piece::add_passed`]).
+//!
+//! # Speeds from an interval
+//! Let the speed be v(t) = v̄ + w(t) with |w| ≤ γ, where 1 is the highest speed of all steps. In the frame of the
+//! mean heading of a piece, the heading is D with ∫D = 0 and |D′| ≤ W = |ū| + g. The speed v̄ moves the end as
+//! above, and w adds ∫w + i∫wD, up to γ∫D²/2 ≤ γW²h³/24.
+//!
+//! How large can ∫wD be if ∫w = cγh? It is largest if w is γ where D is highest and −γ elsewhere. Sort the
+//! values of D: the sorted function has the same bound on its derivative, so the mean of its highest
+//! m = (1 + c)h/2 seconds exceeds the mean of the others by at most Wh/2. Because ∫D = 0, it follows that
+//! ∫wD ≤ γWh²(1 − c²)/4 ≤ γWh²(1 − |c|)/2. So w adds a point of a rhombus with half-diagonals γh along the
+//! mean heading and γWh²/2 across it. A rhombus is the sum of two line segments, so the recursion applies two
+//! [stretches](Curve::stretch) per piece. The rhombus is as long as the set of the true displacements, so it
+//! enlarges the result only where a boundary runs along the heading. Its diagonal is shortened like Dⱼ, which adds
+//! at most γh³(ū²/24 + g²/48) to the error. So a rhombus of speeds from 0 has a corner in the origin, not behind it.
 
 mod edges;
 mod swept;
@@ -51,6 +65,8 @@ struct Piece {
     turned: Point,
     /// Dⱼ.
     moved: Point,
+    /// Half the sides of the rhombus that the choice of the speed adds, or 0 if the speed is constant.
+    sides: [Point; 2],
     /// Upper bound on the error that one piece adds to the end of a path (s of travel).
     error: f64,
     /// ūh.
@@ -69,27 +85,48 @@ impl Piece {
         } else {
             2.0 * half.im / rate
         };
+        let (mean, range) = middle_and_range(paths, step);
+        let along = half * (0.5 * range * (chord - shorter));
+        let across = 0.5 * (rate.abs() + spread) * seconds;
+        let side = |across: f64| along * Point::new(1.0, across);
         Self {
             count,
             seconds,
             half_turn: 0.5 * spread * seconds,
             turned: half * half,
-            moved: half * (chord - shorter),
-            error: cube(seconds) * error_of(rate, spread, seconds),
+            moved: half * (mean * (chord - shorter)),
+            sides: [side(across), side(-across)],
+            error: cube(seconds) * error_of(paths, step, seconds),
             turn,
         }
+    }
+
+    /// Whether the speed can change in the piece.
+    fn has_choice_of_speed(&self) -> bool {
+        self.sides[0].norm_sqr() > 0.0
     }
 
     /// Adds to a curve the positions that paths pass in the piece. The curve, which began and ended at D,
     /// then begins and ends at the origin. Returns how far outside the curve a path can still be (s of
     /// travel).
     ///
-    /// The integral ∫d vanishes at both ends of the piece, and its second derivative is at most g. So
+    /// At a constant speed, the integral ∫d vanishes at both ends of the piece, and its second derivative is at most g. So
     /// at time s a path is at most (±g − ū)·s(h − s)/2 to the side of the straight line. A circular arc
     /// with the height of this parabola lies outside it, and an arc with three quarters of the height
     /// lies inside.
-    fn add_passed(&self, spread: f64, corners: &mut Vec<Corner>) -> f64 {
+    ///
+    /// If the speed is chosen, a path is at most ∫max(D, 0) ≤ Wh²/8 to the side of its mean heading, and the curve
+    /// begins at most γWh²/2 to the side of it. A straight line then replaces the arcs.
+    fn add_passed(&self, spread: f64, curve: &mut Curve) -> f64 {
         let (h, rate) = (self.seconds, self.turn / self.seconds);
+        let fastest = spread + rate.abs();
+        let shortened = cube(h) * fastest * fastest / 12.0 + FLAT * h;
+        if self.has_choice_of_speed() {
+            curve.begin_at_origin();
+            let range = 2.0 * self.sides[0].norm_sqr().sqrt() / h;
+            return shortened + side_of_tube(fastest, range) * h * h;
+        }
+        let corners = &mut curve.corners;
         let height = |bend: f64, outward: bool| {
             let full = bend * h * h / 8.0;
             if outward { full } else { 0.75 * full }
@@ -111,8 +148,7 @@ impl Piece {
         };
         corners.insert(0, Corner { point: origin, edge: edge(right, origin, along) });
         corners.push(Corner { point: along, edge: edge(left, along, origin) });
-        let fastest = spread + rate.abs();
-        cube(h) * fastest * fastest / 12.0 + FLAT * h
+        shortened
     }
 }
 
@@ -128,9 +164,25 @@ fn middle_and_spread(paths: &Paths, step: usize) -> (f64, f64) {
     (0.5 * (lo + hi), 0.5 * (hi - lo))
 }
 
+/// v̄ and γ.
+fn middle_and_range(paths: &Paths, step: usize) -> (f64, f64) {
+    let [slow, fast] = paths.speeds[step];
+    (0.5 * (slow + fast), 0.5 * (fast - slow))
+}
+
 /// The error of a piece of length `seconds`, divided by its third power.
-fn error_of(rate: f64, spread: f64, seconds: f64) -> f64 {
-    spread * (spread / 48.0 + rate.abs() / 12.0 + spread * spread * seconds / 144.0)
+fn error_of(paths: &Paths, step: usize, seconds: f64) -> f64 {
+    let (rate, spread) = middle_and_spread(paths, step);
+    let (mean, range) = middle_and_range(paths, step);
+    let fastest = rate.abs() + spread;
+    mean * spread * (spread / 48.0 + rate.abs() / 12.0 + spread * spread * seconds / 144.0)
+        + range * (fastest * fastest + rate * rate + 0.5 * spread * spread) / 24.0
+}
+
+/// How far beside the line of [`Piece::add_passed`] a path can be in a piece, divided by the square of the
+/// piece's length. `fastest` is W and `range` is γ.
+fn side_of_tube(fastest: f64, range: f64) -> f64 {
+    fastest * (0.125 + 0.5 * range)
 }
 
 /// A curve is simplified if it has more corners than this plus twice their number after the last
@@ -270,8 +322,12 @@ impl Outer {
                 let angle = (piece.half_turn + other).min(PI);
                 let corners = &mut self.curve.corners;
                 corners.iter_mut().for_each(|corner| corner.place(piece.turned, piece.moved));
+                if piece.has_choice_of_speed() {
+                    budget.spend(2 * self.curve.corners.len());
+                    piece.sides.into_iter().for_each(|side| self.curve.stretch(side));
+                }
                 if request.tube {
-                    outside = outside.max(piece.add_passed(spread, corners));
+                    outside = outside.max(piece.add_passed(spread, &mut self.curve));
                 }
                 budget.spend(self.curve.corners.len());
                 if budget.is_spent() {
@@ -331,21 +387,17 @@ impl Outer {
     fn cut(&mut self, paths: &Paths, request: Request) {
         let budget = OF_PIECES * request.accuracy;
         let step_s = paths.step_s;
-        let weight = |step| {
-            let (rate, spread) = middle_and_spread(paths, step);
-            error_of(rate, spread, step_s)
-        };
+        let weight = |step| error_of(paths, step, step_s);
         let sum: f64 = (0..request.steps).map(|step| cbrt(weight(step))).sum();
         let scale = (budget / (step_s * sum)).sqrt();
         let fine = |step: usize| {
-            let (_, spread) = middle_and_spread(paths, step);
             let mut pieces = step_s * cbrt(weight(step)) / scale;
             if request.tube {
                 // With this number of pieces, each piece adds at most a quarter of the accuracy at the
                 // sides of the tube.
-                let (rate, _) = middle_and_spread(paths, step);
-                let bend = spread + rate.abs();
-                pieces = pieces.max(step_s * (0.5 * bend / request.accuracy).sqrt());
+                let (rate, spread) = middle_and_spread(paths, step);
+                let side = side_of_tube(spread + rate.abs(), middle_and_range(paths, step).1);
+                pieces = pieces.max(step_s * (4.0 * side / request.accuracy).sqrt());
             }
             pieces
         };

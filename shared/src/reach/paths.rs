@@ -178,6 +178,8 @@ pub(super) struct Paths {
     pub(super) step_s: f64,
     pub(super) lo: Vec<f64>,
     pub(super) hi: Vec<f64>,
+    /// Lowest and highest speed in each step, as shares of the highest speed of all steps.
+    pub(super) speeds: Vec<[f64; 2]>,
     /// The path with the lowest rates: the right-hand edge.
     pub(super) low: Path,
     /// The path with the highest rates: the left-hand edge.
@@ -185,6 +187,7 @@ pub(super) struct Paths {
 }
 
 impl Paths {
+    #[cfg(test)]
     pub(super) fn new(bounds: &InputBounds, step_s: f64) -> Self {
         let mut paths = Self::default();
         paths.reset(bounds, step_s);
@@ -194,6 +197,8 @@ impl Paths {
     /// Like [`Self::new`], but reuses the buffers.
     pub(super) fn reset(&mut self, bounds: &InputBounds, step_s: f64) {
         self.step_s = step_s;
+        self.speeds.clear();
+        self.speeds.resize(bounds.steps(), [1.0; 2]);
         let nearly = nearly_zero(step_s * bounds.steps() as f64);
         self.lo.clear();
         self.lo.extend(bounds.lo().iter().map(|&lo| if lo < nearly { lo.min(0.0) } else { lo }));
@@ -205,6 +210,11 @@ impl Paths {
 
     pub(super) fn steps(&self) -> usize {
         self.lo.len()
+    }
+
+    /// Whether the vehicle has one constant speed in the first `steps` steps.
+    pub(super) fn have_one_speed(&self, steps: usize) -> bool {
+        self.speeds.iter().take(steps).all(|speeds| *speeds == [1.0; 2])
     }
 
     /// Whether driving straight is admissible in step `step`.

@@ -8,6 +8,7 @@ use super::outer::Request;
 use super::outline::thickness;
 use super::paths::{Paths, unit};
 use super::sampling::{Outline, PolygonSettings};
+use super::speeds::SpeedRange;
 use super::start::StartSet;
 use crate::bounds::InputBounds;
 use crate::invalid::{Invalid, positive};
@@ -16,12 +17,15 @@ use crate::vehicle::Pose;
 use core::ops::ControlFlow;
 use nalgebra::Complex;
 
-/// Every position that a vehicle can reach from a start pose under
-/// [`InputBounds`] at constant speed.
+/// Every position that a vehicle can reach from a start pose under [`InputBounds`], at a constant speed or
+/// with speeds from a range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReachableSet {
     pub(super) start: Pose,
     pub(super) start_set: StartSet,
+    /// One range for all steps, or one for each step.
+    speeds: Vec<SpeedRange>,
+    /// The highest speed of all steps (m/s). Lengths in this module are in seconds of travel at this speed.
     pub(super) speed_mps: f64,
     pub(super) paths: Paths,
 }
@@ -75,8 +79,8 @@ fn turns_little(bounds: &InputBounds, step_s: f64) -> Result<(), Invalid> {
 }
 
 impl ReachableSet {
-    /// The set from `start` (world frame; a [`Pose`] or a [`StartSet`]) under `bounds`, at `speed_mps`
-    /// (m/s) and with steps of `step_s` (s). If the bounds forbid driving straight by less than 10⁻⁵
+    /// The set from `start` (world frame; a [`Pose`] or a [`StartSet`]) under `bounds`, with steps of `step_s`
+    /// (s). `speed` is a constant speed (m/s) or a [`SpeedRange`]. If the bounds forbid driving straight by less than 10⁻⁵
     /// rad in all steps together, they count as bounds that allow it. This rule enlarges the set by at
     /// most 10⁻⁵ of the distance travelled.
     ///
@@ -86,25 +90,46 @@ impl ReachableSet {
     pub fn new(
         start: impl Into<StartSet>,
         bounds: &InputBounds,
-        speed_mps: f64,
+        speed: impl Into<SpeedRange>,
+        step_s: f64,
+    ) -> Result<Self, Invalid> {
+        Self::with_speeds(start, bounds, vec![speed.into()], step_s)
+    }
+
+    /// Like [`Self::new`], with a range of speeds for each step. A vehicle that stands has the range from 0 to
+    /// 0; at least one step must allow another speed.
+    ///
+    /// # Errors
+    /// The errors of [`Self::new`], and [`Invalid`] if the number of ranges is neither 1 (for all steps) nor
+    /// the number of steps.
+    pub fn with_speeds(
+        start: impl Into<StartSet>,
+        bounds: &InputBounds,
+        speeds: Vec<SpeedRange>,
         step_s: f64,
     ) -> Result<Self, Invalid> {
         let start_set = checked(start.into())?;
+        for range in &speeds {
+            range.check()?;
+        }
+        let speed_mps = speeds.iter().map(|range| range.hi_mps).fold(0.0, f64::max);
         let step_m = positive("speed_mps", speed_mps)? * positive("step_s", step_s)?;
         if step_m > MOST_STEP_M {
             let expected = format!("a speed that makes steps of {MOST_STEP_M} m at most");
             return Err(Invalid::new("speed_mps", expected, format!("{step_m} m")));
         }
-        turns_little(bounds, step_s)?;
-        let paths = Paths::new(bounds, step_s);
-        Ok(Self { start: start_set.pose, start_set, speed_mps, paths })
+        let mut set =
+            Self { start: start_set.pose, start_set, speeds, speed_mps, paths: Paths::default() };
+        set.paths.step_s = step_s;
+        set.reset(start_set, bounds)?;
+        Ok(set)
     }
 
-    /// Replaces this set by the set from another start under other bounds, at the same speed and step.
+    /// Replaces this set by the set from another start under other bounds, with the same speeds and step.
     /// Allocates only if there are more steps than ever before. After an error this set is unchanged.
     ///
     /// # Errors
-    /// The errors of [`Self::new`].
+    /// The errors of [`Self::with_speeds`].
     pub fn reset(
         &mut self,
         start: impl Into<StartSet>,
@@ -112,8 +137,16 @@ impl ReachableSet {
     ) -> Result<(), Invalid> {
         let start_set = checked(start.into())?;
         turns_little(bounds, self.paths.step_s)?;
+        let (steps, given) = (bounds.steps(), self.speeds.len());
+        if given != 1 && given != steps {
+            return Err(Invalid::new("speeds", format!("1 or {steps}, as many as steps"), given));
+        }
         (self.start, self.start_set) = (start_set.pose, start_set);
         self.paths.reset(bounds, self.paths.step_s);
+        for (step, shares) in self.paths.speeds.iter_mut().enumerate() {
+            let range = self.speeds[step % given];
+            *shares = [range.lo_mps, range.hi_mps].map(|speed| speed / self.speed_mps);
+        }
         Ok(())
     }
 
@@ -127,6 +160,12 @@ impl ReachableSet {
     #[must_use]
     pub fn start(&self) -> Pose {
         self.start
+    }
+
+    /// The range of speeds of all steps, or of each step.
+    #[must_use]
+    pub fn speeds(&self) -> &[SpeedRange] {
+        &self.speeds
     }
 
     /// All poses in which the vehicle can start.
@@ -237,7 +276,7 @@ impl ReachableSet {
 
     /// Replaces the polygon by the polygon of step `steps`, or of the tube up to that step. Leaves it
     /// unchanged if the caller cancels.
-    fn draw(
+    pub(super) fn draw(
         &self,
         (steps, tube): (usize, bool),
         settings: PolygonSettings,

@@ -4,6 +4,7 @@
 #![allow(clippy::print_stdout, reason = "the measured errors are worth reading")]
 
 mod cases;
+mod speeds;
 mod starts;
 mod properties;
 mod hard;

@@ -1,19 +1,21 @@
 //! Tests the guarantees with drives that try to break them, with up to half a turn per step and up
 //! to 100 steps. Conservative polygons and convex hulls contain every drive. Other polygons miss no
 //! drive by more than their accuracy. Every state of a drive is a member. Some drives change their
-//! rates within steps.
+//! rates and speeds within steps.
 
 use super::classes::{CLASSES, Class};
 use super::region::Region;
 use super::{any_drive, origin};
 use sidestep::bounds::InputBounds;
 use sidestep::math::{SeededRng, exp};
-use sidestep::reach::{Membership, Outline, PolygonSettings, ReachableSet, Tolerance, Workspace};
+use sidestep::reach::{
+    Membership, Outline, PolygonSettings, ReachableSet, SpeedRange, Tolerance, Workspace,
+};
 use sidestep::vehicle::{Pose, dubins};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Number of parts of a step. A drive has one turn rate in each part.
+/// Number of parts of a step. A drive has one turn rate and one speed in each part.
 const PARTS: usize = 4;
 
 /// Number of drives per set, and how many of their end states are tested for membership. Half of
@@ -28,6 +30,8 @@ struct Subject {
     class: &'static Class,
     lo: Vec<f64>,
     hi: Vec<f64>,
+    /// Lowest and highest speed of each step.
+    speeds: Vec<[f64; 2]>,
     set: ReachableSet,
     /// Polygons of the tube and of the last step.
     surely: [Region; 2],
@@ -36,9 +40,16 @@ struct Subject {
 }
 
 impl Subject {
-    fn of(class: &'static Class, bounds: &InputBounds, rng: &mut SeededRng) -> Self {
+    fn of(
+        class: &'static Class,
+        bounds: &InputBounds,
+        speeds: Vec<SpeedRange>,
+        rng: &mut SeededRng,
+    ) -> Self {
         let (count, lo, hi) = (bounds.steps(), bounds.lo().to_vec(), bounds.hi().to_vec());
-        let set = ReachableSet::new(origin(), bounds, class.speed_mps, class.step_s).unwrap();
+        let ranges = speeds.iter().cycle().take(count);
+        let ranges = ranges.map(|range| [range.lo_mps(), range.hi_mps()]).collect();
+        let set = ReachableSet::with_speeds(origin(), bounds, speeds, class.step_s).unwrap();
         // An accuracy from 1 mm to 5 cm.
         let settings = PolygonSettings::new(1e-3 * exp(rng.uniform(0.0, 4.0)), 2).unwrap();
         let mut workspace = Workspace::default();
@@ -55,15 +66,19 @@ impl Subject {
         let mut both = |settings| [true, false].map(|tube| region(settings, tube));
         let surely = both(settings.conservative().with_most_work(1_000_000));
         let (exact, hulls) = (both(settings), both(settings.with_most_work(0)));
-        Self { class, lo, hi, set, surely, exact, hulls }
+        Self { class, lo, hi, speeds: ranges, set, surely, exact, hulls }
     }
 
-    /// The poses after each part.
+    /// The poses after each part. `shares` has the turn rate of each part and then the speed of each part, as
+    /// positions from 0 to 1 in their ranges.
     fn poses(&self, shares: &[f64]) -> impl Iterator<Item = Pose> {
         let part_s = self.class.step_s / PARTS as f64;
-        shares.iter().enumerate().scan(origin(), move |pose, (part, share)| {
-            let (lo, hi) = (self.lo[part / PARTS], self.hi[part / PARTS]);
-            *pose = dubins::arc(*pose, self.class.speed_mps, lo + (hi - lo) * share, part_s);
+        let (rates, speeds) = shares.split_at(shares.len() / 2);
+        rates.iter().zip(speeds).enumerate().scan(origin(), move |pose, (part, (rate, speed))| {
+            let step = part / PARTS;
+            let (lo, hi, [slow, fast]) = (self.lo[step], self.hi[step], self.speeds[step]);
+            let (rate, speed) = (lo + (hi - lo) * rate, slow + (fast - slow) * speed);
+            *pose = dubins::arc(*pose, speed, rate, part_s);
             Some(*pose)
         })
     }
@@ -94,15 +109,27 @@ impl Subject {
         // The start is on the boundary of each tube. Therefore the tube is checked only from a
         // random part on.
         let from = rng.below(parts);
-        let (mut least, mut best, mut open) = (f64::INFINITY, vec![0.0; parts], None);
+        let (mut least, mut best, mut open) = (f64::INFINITY, vec![0.0; 2 * parts], None);
+        let one_speed = self.speeds.iter().all(|[slow, fast]| slow == fast);
         for i in 0..effort.drives {
-            let mut drive =
-                if i < effort.drives / 2 { any_drive(parts, rng) } else { best.clone() };
-            if i >= effort.drives / 2 {
+            let drive = if i < effort.drives / 2 {
+                let mut drive = any_drive(parts, rng);
+                if one_speed {
+                    drive.resize(2 * parts, 0.0);
+                } else {
+                    drive.extend(any_drive(parts, rng));
+                }
+                drive
+            } else {
+                let mut drive = best.clone();
+                // Varies the turn rates or the speeds.
+                let of = if !one_speed && rng.below(2) == 0 { parts } else { 0 };
                 let (from, length) = (rng.below(parts), 1 + rng.below(parts));
                 let share = [0.0, 1.0, rng.unit()][rng.below(3)];
-                drive.iter_mut().skip(from).take(length).for_each(|it| *it = share);
-            }
+                let varied = &mut drive[of..of + parts];
+                varied.iter_mut().skip(from).take(length).for_each(|it| *it = share);
+                drive
+            };
             let (margin, end) = self.margin(&drive, from, least);
             if margin < least {
                 (least, best) = (margin, drive);
@@ -130,12 +157,35 @@ struct Found {
     missed: usize,
 }
 
+/// The speeds of a set with this number of steps.
+type Speeds = fn(&Class, usize, &mut SeededRng) -> Vec<SpeedRange>;
+
+fn constant(class: &Class, _: usize, _: &mut SeededRng) -> Vec<SpeedRange> {
+    vec![class.speed_mps.into()]
+}
+
+/// One range for all steps, or a range for each step. Some begin at 0 and some have only one speed.
+fn ranges(class: &Class, steps: usize, rng: &mut SeededRng) -> Vec<SpeedRange> {
+    let range = |rng: &mut SeededRng| {
+        let (a, b) = (class.speed_mps * rng.unit(), class.speed_mps * rng.unit());
+        match rng.below(4) {
+            0 => SpeedRange::new(0.0, a),
+            1 => SpeedRange::new(a, a),
+            _ => SpeedRange::new(a.min(b), a.max(b)),
+        }
+        .unwrap()
+    };
+    let count = if rng.below(2) == 0 { 1 } else { steps };
+    (0..count).map(|_| range(rng)).collect()
+}
+
 /// Searches for drives that break a guarantee, on two threads and with `sets` bounds of each class.
 fn search(
     sets: [usize; 6],
     effort: Effort,
     seed: u64,
     bounds: fn(&Class, &mut SeededRng) -> InputBounds,
+    speeds: Speeds,
 ) {
     let mut broken = 0;
     let chosen = CLASSES.iter().zip(sets).enumerate().filter(|(_, (_, count))| *count > 0);
@@ -150,12 +200,14 @@ fn search(
                 println!("class {i}: {place} of {count} bounds begun");
             }
             let mut rng = SeededRng::new(seed + (1_000_000 * i + place) as u64);
-            let subject = Subject::of(class, &bounds(class, &mut rng), &mut rng);
+            let bounds = bounds(class, &mut rng);
+            let speeds = speeds(class, bounds.steps(), &mut rng);
+            let subject = Subject::of(class, &bounds, speeds, &mut rng);
             let (least, drive, missed) = subject.search(effort, &mut rng);
             if least < 0.0 || missed {
                 println!(
-                    "{least} m by {drive:?}, missed {missed}, bounds {:?} {:?}",
-                    subject.lo, subject.hi
+                    "{least} m by {drive:?}, missed {missed}, bounds {:?} {:?}, speeds {:?}",
+                    subject.lo, subject.hi, subject.speeds
                 );
             }
             let mut all = all.lock().unwrap();
@@ -179,13 +231,15 @@ fn search(
 #[test]
 fn no_drive_that_tries_breaks_a_promise() {
     let effort = Effort { drives: 120, states: 30 };
-    search([30, 20, 20, 10, 10, 3], effort, 77, Class::bounds);
-    search([30, 20, 20, 10, 10, 3], effort, 78, Class::grazing);
+    search([30, 20, 20, 10, 10, 3], effort, 77, Class::bounds, constant);
+    search([30, 20, 20, 10, 10, 3], effort, 78, Class::grazing, constant);
+    search([30, 20, 20, 10, 10, 3], effort, 79, Class::bounds, ranges);
+    search([30, 20, 20, 10, 10, 3], effort, 80, Class::grazing, ranges);
 }
 
 /// Run with `cargo test --release -p sidestep --test reach -- --ignored --nocapture full_size`. Set
-/// `SETS=1000` for a shorter run, `CLASS=4` for one class, and `GRAZING=1` for bounds that often
-/// just exclude straight driving.
+/// `SETS=1000` for a shorter run, `CLASS=4` for one class, `GRAZING=1` for bounds that often just exclude
+/// straight driving, and `SPEEDS=1` for ranges of speeds.
 #[test]
 #[ignore = "a search of its own, of about an hour"]
 fn a_search_of_full_size() {
@@ -196,5 +250,6 @@ fn a_search_of_full_size() {
     let effort = Effort { drives: 1000, states: 50 };
     let seed = of("SEED").unwrap_or(1) as u64;
     let bounds = if of("GRAZING").is_some() { Class::grazing } else { Class::bounds };
-    search(each, effort, seed, bounds);
+    let speeds = if of("SPEEDS").is_some() { ranges } else { constant };
+    search(each, effort, seed, bounds, speeds);
 }

@@ -38,6 +38,14 @@ impl Corner {
         Self { point: self.point * by, edge }
     }
 
+    pub(super) fn moved(self, by: Point) -> Self {
+        let edge = match self.edge {
+            Edge::Line => Edge::Line,
+            Edge::Arc { centre, left } => Edge::Arc { centre: centre + by, left },
+        };
+        Self { point: self.point + by, edge }
+    }
+
     /// Rotates the corner about the origin, then translates it.
     pub(super) fn place(&mut self, turned: Point, moved: Point) {
         self.point = self.point * turned + moved;

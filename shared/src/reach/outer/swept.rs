@@ -1,6 +1,6 @@
-//! Closed curves of arcs, and the union of their rotations about the origin.
+//! Closed curves of arcs, and the union of their rotations about the origin or of their translations.
 //!
-//! A rotation maps arcs to arcs, so these curves stay exact after any number of sweeps.
+//! A rotation or a translation maps arcs to arcs, so these curves stay exact after any number of sweeps.
 //!
 //! Take a closed curve whose winding number is at least 0 around each position. Along a circle about
 //! the origin, in the direction of increasing angle, the winding number rises where the curve crosses
@@ -14,6 +14,9 @@
 //!
 //! If two neighbouring chains overlap after the rotation, both are removed up to their crossing. The
 //! area that they enclosed then counts once instead of twice.
+//!
+//! The same holds along a line instead of a circle. So [`Curve::stretch`] translates the two sides of a curve
+//! in opposite directions, and straight edges connect them.
 
 use super::super::paths::unit;
 use super::Point;
@@ -64,7 +67,8 @@ struct Extreme {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Curve {
     pub(super) corners: Vec<Corner>,
-    /// Corners between which the distance from the origin is monotonic, each with its squared distance.
+    /// Corners between which the distance from the origin is monotonic, each with its squared distance. In
+    /// a stretch, heights replace squared distances.
     radial: Vec<(Corner, f64)>,
     extremes: Vec<Extreme>,
     chains: Vec<Chain>,
@@ -112,6 +116,63 @@ impl Curve {
         arc(point, point, TAU, true, &mut self.corners);
         if self.corners.is_empty() {
             self.corners.push(Corner { point, edge: Edge::Line });
+        }
+    }
+
+    /// Replaces the curve by a curve around the union of all its translations by `half` times a number
+    /// from −1 to 1.
+    pub(super) fn stretch(&mut self, half: Point) {
+        if let [Corner { point, .. }] = self.corners[..] {
+            let corner = |point| Corner { point, edge: Edge::Line };
+            self.corners.clear();
+            self.corners.extend([corner(point - half), corner(point + half)]);
+            return;
+        }
+        self.divide_across(half);
+        let Self { corners, radial, .. } = self;
+        corners.clear();
+        let n = radial.len();
+        // Among corners at the same height, the one farther along counts as higher. So the rule also holds
+        // for a curve that runs along `half`.
+        let place = |i: usize| {
+            let (corner, height) = radial[i % n];
+            (height, (corner.point * half.conj()).re)
+        };
+        let mut rose = place(0) > place(n - 1);
+        for (i, (corner, _)) in radial.iter().enumerate() {
+            let rises = place(i + 1) > place(i);
+            let shift = |rises: bool| if rises { half } else { -half };
+            if rises != rose {
+                corners.push(Corner { point: corner.point + shift(rose), edge: Edge::Line });
+            }
+            corners.push(corner.moved(shift(rises)));
+            rose = rises;
+        }
+    }
+
+    /// Divides the edges where they are parallel to `half`. Each corner then has its height above the line
+    /// along `half`, times the length of `half`.
+    fn divide_across(&mut self, half: Point) {
+        let Self { corners, radial, .. } = self;
+        radial.clear();
+        let n = corners.len();
+        let mut push = |corner: Corner| radial.push((corner, cross(half, corner.point)));
+        let up = half * Point::new(0.0, 1.0 / half.norm_sqr().sqrt());
+        for (i, &corner) in corners.iter().enumerate() {
+            push(corner);
+            let Edge::Arc { centre, left } = corner.edge else { continue };
+            let (from, to) = (corner.point - centre, corners[(i + 1) % n].point - centre);
+            // An arc covers at most a quarter of a circle, so it has at most one such point.
+            let out = up * from.norm_sqr().sqrt();
+            let sign = if left { 1.0 } else { -1.0 };
+            for out in [out, -out] {
+                let is_inside = sign * cross(from, out) > 0.0
+                    && sign * cross(out, to) > 0.0
+                    && (out * (from + to).conj()).re > 0.0;
+                if is_inside {
+                    push(Corner { point: centre + out, ..corner });
+                }
+            }
         }
     }
 
