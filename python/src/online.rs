@@ -18,7 +18,7 @@ use crate::human::{Human, Model};
 use crate::kept::New;
 use crate::plan::{Asked, proved};
 use crate::predictor::Predictor;
-use crate::reach::ReachableSet;
+use crate::reach::{ReachableSet, Speeds};
 use crate::scalars::{real, some_real};
 use crate::shfrs_settings::{ShfrsSettings, usual};
 use crate::vehicles::SceneParameters;
@@ -37,6 +37,11 @@ use crate::vehicles::SceneParameters;
 ///     By default the paper's.
 /// safety : SafetyLevels, optional
 ///     Required if the vehicles differ and a feature of the model is a safety level.
+/// speed_mps : float, or array of float64, shape (2,), optional
+///     The speed (m/s) with which the human drives on, or the lowest and the highest speed if it can change at
+///     any time, as people on foot do. By default the speed of the parameters. Sets, clearances and
+///     `departure` allow these speeds. Features, roll-outs and `Calibration.collision` use the speed of the
+///     parameters.
 /// accuracy_m : float
 ///     Error bound of clearances: how far a clearance may be below the true value (m); 10⁻⁴ to 10.
 /// assume_vehicle : bool
@@ -57,12 +62,13 @@ pub(crate) struct OnlinePredictor {
 #[pymethods]
 impl OnlinePredictor {
     #[new]
-    #[pyo3(signature = (model, settings=None, *, parameters=None, safety=None, accuracy_m=0.02, assume_vehicle=false))]
+    #[pyo3(signature = (model, settings=None, *, parameters=None, safety=None, speed_mps=None, accuracy_m=0.02, assume_vehicle=false))]
     fn new(
         model: Model<'_>,
         settings: Option<ShfrsSettings>,
         parameters: Option<SceneParameters>,
         safety: Option<SafetyLevels>,
+        speed_mps: Option<Speeds>,
         #[pyo3(from_py_with = real)] accuracy_m: f64,
         assume_vehicle: bool,
     ) -> Result<Self, Error> {
@@ -79,11 +85,16 @@ impl OnlinePredictor {
             None => usual(actions, &parameters)?.bounds,
         };
         let kept = settings.clone();
+        let speed = match speed_mps {
+            Some(speeds) => speeds.of_all_steps()?,
+            None => parameters.human.speed_mps.into(),
+        };
         let next = if assume_vehicle { NextSteps::AssumeVehicle } else { NextSteps::LikeLast };
         let online = clearance::OnlinePredictor::new(predictor.clone(), levels, parameters, kept)
             .map_err(|invalid| invalid.within("model"))?
             .with_clearance(ClearanceSettings::new(accuracy_m)?)
-            .with_next_steps(next);
+            .with_next_steps(next)
+            .with_speed(speed)?;
         let (model, online) = (model.unbind(), Mutex::new(online));
         Ok(Self { model, settings, parameters, safety, accuracy_m, assume_vehicle, online })
     }
@@ -91,8 +102,8 @@ impl OnlinePredictor {
     /// Appends the state one step after the last one. The length of a step is `step_s` of the parameters. If
     /// you missed a state, call `reset` and start over.
     ///
-    /// Sets assume that the human continues at the speed of the parameters and within its turn rate. They
-    /// prove nothing about a human who stands still, or moves slower or faster. So if the human's vehicle
+    /// Sets assume that the human continues at the speed of the parameters (or of `speed_mps`) and within its
+    /// turn rate. They prove nothing about a human who moves slower or faster. So if the human's vehicle
     /// cannot have driven the last step, to a millimetre and a milliradian, `departure` gives the
     /// measurement, `clear` returns −∞ until the next step, and `Calibration.collision` raises an error.
     /// Positions with more noise than that need `assume_vehicle`.
@@ -165,7 +176,7 @@ impl OnlinePredictor {
     }
 
     /// Predicts like `predict`, and returns the reachable sets under these bounds. They start from the
-    /// human's last pose and use the speed and the step length of the parameters.
+    /// human's last pose and use the human's speeds and the step length of the parameters.
     ///
     /// Returns
     /// -------
@@ -177,13 +188,13 @@ impl OnlinePredictor {
     /// ValueError
     ///     As for `predict`.
     fn sets(&self, py: Python<'_>) -> Result<Vec<ReachableSet>, Error> {
-        let (now, sets) = py.detach(|| {
+        let (now, speed, sets) = py.detach(|| {
             let mut online = self.lock();
             let sets = online.predict()?.to_vec();
-            present(&online).map(|now| (now.human, sets))
+            present(&online).map(|now| (now.human, online.speed(), sets))
         })?;
-        let (speed_mps, step_s) = (self.parameters.human.speed_mps, self.parameters.step_s);
-        let set = |bounds| ReachableSet::of(now, bounds, speed_mps, step_s);
+        let step_s = self.parameters.step_s;
+        let set = |bounds| ReachableSet::of(now, bounds, speed, step_s);
         Ok(sets.into_iter().map(set).collect::<Result<_, _>>()?)
     }
 
@@ -223,6 +234,8 @@ impl OnlinePredictor {
         let named = PyDict::new(py);
         named.set_item("parameters", SceneParameters(self.parameters))?;
         named.set_item("safety", self.safety.clone())?;
+        let speed = py.detach(|| self.lock().speed());
+        named.set_item("speed_mps", [speed.lo_mps(), speed.hi_mps()])?;
         named.set_item("accuracy_m", self.accuracy_m)?;
         named.set_item("assume_vehicle", self.assume_vehicle)?;
         let settings = ShfrsSettings::of(&shfrs::ShfrsSettings::new(self.settings.clone()));

@@ -109,8 +109,8 @@ impl Planned {
         settings: ClearanceSettings,
         departed: Option<Departure>,
     ) -> Result<Clearances, Invalid> {
-        let speed_mps = parameters.human.speed_mps;
-        let future = HumanFuture { start: now, sets, speed_mps, step_s: parameters.step_s };
+        let speed = parameters.human.speed_mps.into();
+        let future = HumanFuture { start: now, sets, speed, step_s: parameters.step_s };
         let mut finder = ClearanceFinder::new(settings);
         finder.find_unless(departed, &future, &self.plan, &self.footprint).cloned()
     }

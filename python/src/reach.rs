@@ -5,8 +5,8 @@ use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use sidestep::bounds::InputBounds;
 use sidestep::invalid::Invalid;
-use sidestep::reach::{self, Outline, PolygonSettings, SpeedRange, Tolerance, Workspace};
-use sidestep::vehicle::Pose;
+use sidestep::reach::{self, Outline, PolygonSettings, Tolerance, Workspace};
+use sidestep::vehicle::{Pose, SpeedRange};
 
 use crate::arrays::{Numbers, count, list, numbers, points, pose, poses, wrong_shape};
 use crate::bounds::few_steps;
@@ -240,10 +240,10 @@ impl ReachableSet {
     pub(crate) fn of(
         start: Pose,
         bounds: InputBounds,
-        speed_mps: f64,
+        speed: impl Into<SpeedRange>,
         step_s: f64,
     ) -> Result<Self, Invalid> {
-        let set = reach::ReachableSet::new(start, &bounds, speed_mps, step_s)?;
+        let set = reach::ReachableSet::new(start, &bounds, speed, step_s)?;
         Ok(Self { set, bounds, step_s })
     }
 
@@ -268,6 +268,16 @@ const PAPERS: f64 = 2.0;
 #[derive(Clone)]
 pub(crate) struct Speeds(Vec<SpeedRange>);
 
+impl Speeds {
+    /// The speeds of an argument that accepts no range for each step.
+    pub(crate) fn of_all_steps(self) -> Result<SpeedRange, Error> {
+        match self.0[..] {
+            [range] => Ok(range),
+            ref ranges => Err(wrong_shape("speed_mps", "a number or (2,)", &[ranges.len(), 2])),
+        }
+    }
+}
+
 impl From<f64> for Speeds {
     fn from(speed_mps: f64) -> Self {
         Self(vec![speed_mps.into()])
@@ -282,7 +292,7 @@ impl<'py> FromPyObject<'_, 'py> for Speeds {
             return Ok(speed_mps.into());
         }
         let Numbers { shape, values } = numbers("speed_mps", "a number, (2,) or (T, 2)", &object)?;
-        if !matches!(shape[..], [2] | [1.., 2]) {
+        if !matches!(shape[..], [2] | [_, 2]) || values.is_empty() {
             return Err(wrong_shape("speed_mps", "a number, (2,) or (T, 2)", &shape).into());
         }
         let ranges = values.chunks_exact(2).map(|range| SpeedRange::new(range[0], range[1]));

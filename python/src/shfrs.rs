@@ -140,15 +140,10 @@ impl Shfrs {
     /// The m reachable sets, to draw other polygons and to test poses.
     #[getter]
     fn sets(&self) -> Vec<ReachableSet> {
-        let (human, step_s) = (self.source.human.parameters.human, self.step_s());
+        let step_s = self.step_s();
         let sets = self.reachable.iter().zip(self.bounds());
-        sets.map(|(set, bounds)| ReachableSet {
-            set: set.clone(),
-            bounds: bounds.clone(),
-            speed_mps: human.speed_mps,
-            step_s,
-        })
-        .collect()
+        sets.map(|(set, bounds)| ReachableSet { set: set.clone(), bounds: bounds.clone(), step_s })
+            .collect()
     }
 
     /// Whether a trajectory is inside each set at every one of its steps. A pose that is undecided after a

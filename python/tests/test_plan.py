@@ -1,5 +1,7 @@
 """A robot's loop: plans, the untrained model, the sets that a plan is clear of."""
 
+import pickle
+
 import numpy as np
 import pytest
 from conftest import constant, driven
@@ -126,6 +128,29 @@ def test_a_plan_that_turns_by_half_a_turn_is_refused():
             prediction.clear(plan, 0.4, corners=[[0, 0], [2, 0]])
     almost = sidestep.drive(CROSSED[1], 0.0, [-(np.pi - 1e-5) / 0.2], 0.2)
     assert prediction.clear(almost, 0.4, corners=[[0, 0], [2, 0]]).shape == (2, 1)
+
+
+def test_a_human_who_slows_down_and_stands():
+    straight = sidestep.Predictor.constant([-1, 0, 1], [0.0, 1.0, 0.0])
+    online = sidestep.OnlinePredictor(straight, WIDE, speed_mps=(0, 2.2))
+    human = np.array([0.0, 0.44, 0.6, 0.6])
+    for x in human:
+        assert online.push([[x, 0, 0], [6, 0, np.pi]]) and online.departure is None
+    lo, _ = online.predict()
+    assert (lo[0] == 0).all()
+    # The human can stand, or drive straight on at up to 2.2 m/s.
+    clearances = online.clear(np.tile([6.0, 0, np.pi], (10, 1)), 0.5)
+    expected = 5.4 - 0.5 - 0.44 * np.arange(1, 11)
+    assert (clearances[0] <= expected).all() and (clearances[0] >= expected - 0.02).all()
+    last = online.sets()[0].polygon(10)
+    np.testing.assert_allclose([last[:, 0].min(), last[:, 0].max()], [0.6, 5.0], atol=2e-3)
+    again = pickle.loads(pickle.dumps(online))
+    np.testing.assert_array_equal(again.clear(np.tile([6.0, 0, np.pi], (10, 1)), 0.5), clearances)
+    assert not online.push([[1.2, 0, 0], [6, 0, np.pi]])
+    assert online.departure == "the human moved at 3.00 m/s, the vehicle at 0 to 2.2 m/s"
+    for wrong in ([[0, 1], [1, 2]], (0, 0), (2, 1)):
+        with pytest.raises(ValueError, match="speed_mps"):
+            sidestep.OnlinePredictor(straight, WIDE, speed_mps=wrong)
 
 
 def test_a_collision_bound_in_a_loop(people):

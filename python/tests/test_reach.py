@@ -1,5 +1,7 @@
 """Reachable sets, against drives and shapely."""
 
+import pickle
+
 import numpy as np
 import pytest
 import shapely
@@ -81,3 +83,54 @@ def test_tolerances_are_kept(rng):
     assert straight.contains(turned, 5, heading_rad=0.06).all()
     with pytest.raises(ValueError, match="position_m: expected a finite number ≥ 0, found -1"):
         straight.contains(beside, 5, position_m=-1)
+
+
+def test_speeds_from_a_range(rng):
+    full = np.full(10, 0.5)
+    slow, fast = 1.0, 3.0
+    reachable = sidestep.ReachableSet([1, 2, 0.5], -full, full, (slow, fast))
+    polygon, margin_m = reachable.polygon(10, conservative=True, return_margin=True)
+    assert 0 < margin_m < 1e-3
+    last, tube = shapely.Polygon(polygon), shapely.Polygon(reachable.tube(conservative=True))
+    assert last.is_valid and tube.is_valid and tube.buffer(1e-9).contains(last)
+    # Drives that change their speed and turn rate four times per step.
+    for _ in range(300):
+        rates, speeds = rng.uniform(-0.5, 0.5, 40), rng.choice([slow, fast, rng.uniform(slow, fast)], 40)
+        heading = 0.5 + np.concatenate([[0], np.cumsum(rates * 0.05)])
+        chord = speeds * 0.05 * np.sinc(rates * 0.05 / 2 / np.pi)
+        middle = 0.5 * (heading[1:] + heading[:-1])
+        path = np.cumsum(chord[:, None] * np.stack([np.cos(middle), np.sin(middle)], axis=1), axis=0) + [1, 2]
+        assert shapely.contains_xy(tube.buffer(1e-9), *path.T).all()
+        assert shapely.contains_xy(last.buffer(1e-9), *path[-1])
+        assert reachable.contains([[*path[-1], heading[-1]]], 10).all()
+    assert not reachable.contains([[1, 2, 0.5], [50, 2, 0.5]], 10).any()
+    # Each constant speed of the range is inside.
+    for speed in (slow, 1.7, fast):
+        constant = sidestep.ReachableSet([1, 2, 0.5], -full, full, speed)
+        assert last.buffer(2e-3).contains(shapely.Polygon(constant.polygon(10)))
+    np.testing.assert_array_equal(reachable.speed_mps, [slow, fast])
+    assert sidestep.ReachableSet([1, 2, 0.5], -full, full).speed_mps == 2
+
+
+def test_a_range_of_speeds_for_each_step():
+    full = np.full(3, 0.5)
+    speeds = [[1, 2], [0, 0], [0, 1]]
+    reachable = sidestep.ReachableSet([0, 0, 0], -full, full, speeds)
+    np.testing.assert_array_equal(reachable.speed_mps, speeds)
+    kept = pickle.loads(pickle.dumps(reachable))
+    assert kept == reachable and kept != sidestep.ReachableSet([0, 0, 0], -full, full, [1, 2])
+    np.testing.assert_array_equal(kept.polygon(3), reachable.polygon(3))
+    first, second = (shapely.Polygon(reachable.polygon(step)) for step in (1, 2))
+    assert first.hausdorff_distance(second) < 2e-3
+    one, two = sidestep.reach([0, 0, 0], np.array([-full, 0 * full]), np.array([full, full]), speeds)
+    assert one == reachable and two != reachable
+    for wrong, said in [
+        ([[1, 2]] * 2, "speed_mps: expected 1 or 3, as many as steps, found 2"),
+        ((2, 1), "speed_mps: expected two finite speeds"),
+        ((-1, 1), "speed_mps: expected two finite speeds"),
+        ((0, 0), "speed_mps: expected a finite number > 0"),
+        ((1, 2, 3), "speed_mps"),
+        (True, "speed_mps"),
+    ]:
+        with pytest.raises((ValueError, TypeError), match=said):
+            sidestep.ReachableSet([0, 0, 0], -full, full, wrong)

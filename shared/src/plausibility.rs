@@ -15,7 +15,7 @@ pub use recorded::{check, check_inputs, exclude_impossible, replays};
 use crate::invalid::Invalid;
 use crate::math::{PI, asin, atan2, hypot, sinc, wrap_angle};
 use crate::scene::{JointState, SceneParameters};
-use crate::vehicle::{Pose, VehicleModel};
+use crate::vehicle::{Pose, SpeedRange, VehicleModel};
 
 /// Largest error (m or rad) of a number that was rounded to three decimals and single precision.
 const ROUNDING: f64 = 5e-4 + 1e-6;
@@ -77,8 +77,8 @@ pub enum Departure {
     Speed {
         /// The distance between the two positions divided by the step duration (m/s).
         measured_mps: f64,
-        /// The speed of the vehicle (m/s).
-        vehicle_mps: f64,
+        /// The speeds of the vehicle.
+        vehicle: SpeedRange,
     },
     /// The human did not move in the direction of the headings.
     Heading {
@@ -101,11 +101,8 @@ pub enum Departure {
 impl core::fmt::Display for Departure {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
-            Self::Speed { measured_mps, vehicle_mps } => {
-                write!(
-                    f,
-                    "the human moved at {measured_mps:.2} m/s, the vehicle at {vehicle_mps} m/s"
-                )
+            Self::Speed { measured_mps, vehicle } => {
+                write!(f, "the human moved at {measured_mps:.2} m/s, the vehicle at {vehicle}")
             }
             Self::Heading { psi_rad, direction_rad, in_degrees } => {
                 let hint = if *in_degrees { ", which fits in degrees" } else { "" };
@@ -127,12 +124,23 @@ impl core::fmt::Display for Departure {
 /// `None` if it could. Has the same tolerances as [`check_step`]. Does not allocate.
 #[must_use]
 pub fn departure(parameters: &SceneParameters, from: Pose, to: Pose) -> Option<Departure> {
+    departure_at(parameters, parameters.human.speed_mps.into(), from, to)
+}
+
+/// Like [`departure`], for a human who chooses the speed from a range.
+#[must_use]
+pub fn departure_at(
+    parameters: &SceneParameters,
+    speed: SpeedRange,
+    from: Pose,
+    to: Pose,
+) -> Option<Departure> {
     let vehicle = parameters.human;
-    Some(match StepLimits::of(vehicle, parameters.step_s).fault(from, to)? {
-        Fault::Way { moved } => Departure::Speed {
-            measured_mps: moved / parameters.step_s,
-            vehicle_mps: vehicle.speed_mps,
-        },
+    let limits = StepLimits::at(speed, vehicle.turn_rate_radps, parameters.step_s);
+    Some(match limits.fault(from, to)? {
+        Fault::Way { moved } => {
+            Departure::Speed { measured_mps: moved / parameters.step_s, vehicle: speed }
+        }
         Fault::Heading { psi, direction, in_degrees } => {
             Departure::Heading { psi_rad: psi, direction_rad: direction, in_degrees }
         }
@@ -145,16 +153,28 @@ pub fn departure(parameters: &SceneParameters, from: Pose, to: Pose) -> Option<D
 
 /// Limits of a vehicle's motion in one step.
 struct StepLimits {
-    /// Path length (m).
-    way_m: f64,
+    /// Shortest and longest path (m).
+    least_m: f64,
+    most_m: f64,
     /// Largest turn (rad).
     turn_rad: f64,
+    /// Largest angle between the direction of the motion and a heading, as a share of the largest turn. At a
+    /// constant speed it is a half. A vehicle that can be slow at one end of an arc moves like the other end.
+    lean: f64,
 }
 
 impl StepLimits {
     fn of(vehicle: VehicleModel, step_s: f64) -> Self {
-        let turn_rad = vehicle.turn_rate_radps.abs() * step_s;
-        Self { way_m: vehicle.speed_mps.abs() * step_s, turn_rad }
+        Self::at(vehicle.speed_mps.abs().into(), vehicle.turn_rate_radps, step_s)
+    }
+
+    fn at(speed: SpeedRange, turn_rate_radps: f64, step_s: f64) -> Self {
+        Self {
+            least_m: speed.lo_mps() * step_s,
+            most_m: speed.hi_mps() * step_s,
+            turn_rad: turn_rate_radps.abs() * step_s,
+            lean: if speed.is_constant() { 0.5 } else { 1.0 },
+        }
     }
 
     /// Checks the poses before and after a step. The error names the invalid fields among x, y and
@@ -163,7 +183,7 @@ impl StepLimits {
         let Some(fault) = self.fault(from, to) else { return Ok(()) };
         Err(match fault {
             Fault::Way { moved } => {
-                let ahead = format!("a position {:.4} m away from the step before", self.way_m);
+                let ahead = format!("a position {:.4} m away from the step before", self.most_m);
                 Invalid::new("x, y", ahead, format!("{moved} m"))
             }
             Fault::Heading { psi, direction, in_degrees } => {
@@ -186,15 +206,18 @@ impl StepLimits {
         let half = 0.5 * self.turn_rad;
         let moved = hypot(to.x - from.x, to.y - from.y);
         // If the vehicle turns by at most a full circle per step, the tightest arc has the shortest
-        // chord of all paths of this length.
-        let chord = if half < PI { self.way_m * sinc(half) } else { 0.0 };
-        if moved < chord - DISTANCE_ROUNDING || moved > self.way_m + DISTANCE_ROUNDING {
+        // chord of all paths of this length. If the speed changes, the path gets at least as far as this
+        // chord along the heading in the middle of the step, if the vehicle turns by at most half a circle.
+        let most_half = PI * if self.lean < 1.0 { 1.0 } else { 0.5 };
+        let chord = if half < most_half { self.least_m * sinc(half) } else { 0.0 };
+        if moved < chord - DISTANCE_ROUNDING || moved > self.most_m + DISTANCE_ROUNDING {
             return Some(Fault::Way { moved });
         }
         let turned = wrap_angle(to.psi - from.psi).abs();
         // If the vehicle turns by at most a sixth of a circle per step, the direction of motion
         // deviates most from the headings on the tightest arc.
-        let most = half + ROUNDING + asin((DISTANCE_ROUNDING / moved).min(1.0));
+        let most =
+            self.lean * self.turn_rad + ROUNDING + asin((DISTANCE_ROUNDING / moved).min(1.0));
         let direction = atan2(to.y - from.y, to.x - from.x);
         let leads = |psi: f64| wrap_angle(direction - psi).abs() <= most;
         let is_bounded = self.turn_rad <= PI / 3.0 && moved > DISTANCE_ROUNDING;
@@ -279,6 +302,36 @@ mod tests {
             assert_eq!(departure(&parameters, from, to), None, "{case}");
             assert_eq!(departure(&parameters, rounded(from), rounded(to)), None, "{case}");
         }
+    }
+
+    /// The same, if the speed also changes within a step.
+    #[test]
+    fn a_drive_at_speeds_of_the_range_never_departs() {
+        let mut rng = SeededRng::new(18);
+        for case in 0..6000 {
+            let mut parameters = SceneParameters::default();
+            parameters.human.turn_rate_radps = [0.5, 1.5, 5.0, 12.0][case % 4];
+            let slow = [0.0, 0.2, 1.0][case / 4 % 3];
+            let speed = SpeedRange::new(slow, slow + [0.1, 2.0][case / 12 % 2]).unwrap();
+            let (from, most) = (Pose::new(1.0, 2.0, rng.uniform(-9.0, 9.0)), parameters.human);
+            let (mut to, mut left_s) = (from, parameters.step_s);
+            while left_s > 0.0 {
+                let held_s = rng.uniform(0.01, 0.15).min(left_s);
+                let rate = most.turn_rate_radps * rng.uniform(-2.0, 2.0).clamp(-1.0, 1.0);
+                let share = rng.uniform(-0.5, 1.5).clamp(0.0, 1.0);
+                let at_mps = speed.lo_mps() + (speed.hi_mps() - speed.lo_mps()) * share;
+                to = crate::vehicle::dubins::arc(to, at_mps, rate, held_s);
+                left_s -= held_s;
+            }
+            assert_eq!(departure_at(&parameters, speed, from, to), None, "{case}");
+        }
+        let speed = SpeedRange::new(0.5, 1.5).unwrap();
+        let from = Pose::new(0.0, 0.0, 0.0);
+        let said =
+            |to| departure_at(&SceneParameters::default(), speed, from, to).unwrap().to_string();
+        assert_eq!(said(from), "the human moved at 0.00 m/s, the vehicle at 0.5 to 1.5 m/s");
+        assert!(said(Pose::new(0.31, 0.0, 0.0)).starts_with("the human moved at 1.55 m/s"));
+        assert!(said(Pose::new(0.2, 0.03, 0.05)).starts_with("the human moved in direction"));
     }
 
     /// [`departure`] returns a reason exactly if [`check_step`] fails.

@@ -45,7 +45,6 @@
 mod paths;
 mod budget;
 mod sampling;
-mod speeds;
 mod start;
 pub mod polygon;
 mod outline;
@@ -63,5 +62,4 @@ pub use minkowski::minkowski_disc;
 pub(crate) use paths::nearly_zero;
 pub use sampling::{Outline, PolygonSettings};
 pub use set::ReachableSet;
-pub use speeds::SpeedRange;
 pub use start::{PositionUncertainty, StartSet};

@@ -1,6 +1,9 @@
 //! Vehicles: their poses, inputs and motion.
 
 pub mod dubins;
+mod speed_range;
+
+pub use speed_range::SpeedRange;
 
 use crate::invalid::{Invalid, positive};
 use crate::math::wrap_angle;

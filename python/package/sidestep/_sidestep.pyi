@@ -494,6 +494,7 @@ class OnlinePredictor:
         *,
         parameters: SceneParameters | None = None,
         safety: SafetyLevels | None = None,
+        speed_mps: ArrayLike | None = None,
         accuracy_m: float = 0.02,
         assume_vehicle: bool = False,
     ) -> Self: ...

@@ -3,15 +3,16 @@
 use super::CommandError;
 use super::degrees::Degrees;
 use super::json_file::JsonArgs;
-use serde::{Deserialize, Serialize};
+use core::fmt;
+use serde::de::value::SeqAccessDeserializer;
+use serde::de::{SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
 use sidestep::bounds::InputBounds;
 use sidestep::invalid::{Invalid, positive};
 use sidestep::math::PI;
 use sidestep::reach::polygon::{bounding_box, signed_area, signed_distance};
-use sidestep::reach::{
-    PolygonSettings, PositionUncertainty, ReachableSet, SpeedRange, StartSet, Tolerance,
-};
-use sidestep::vehicle::Pose;
+use sidestep::reach::{PolygonSettings, PositionUncertainty, ReachableSet, StartSet, Tolerance};
+use sidestep::vehicle::{Pose, SpeedRange};
 
 /// Compute reachable sets under bounds on the turn rate, and test whether states are in them.
 ///
@@ -66,11 +67,43 @@ struct Input {
     conservative: bool,
 }
 
-#[derive(Clone, Copy, Deserialize)]
-#[serde(untagged, expecting = "a speed or [lowest, highest] (m/s)")]
+/// A constant speed, or the lowest and the highest speed.
+#[derive(Clone, Copy)]
 enum SpeedInput {
     Constant(f64),
     Range([f64; 2]),
+}
+
+impl<'de> Deserialize<'de> for SpeedInput {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        struct Reader;
+
+        impl<'de> Visitor<'de> for Reader {
+            type Value = SpeedInput;
+
+            fn expecting(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+                out.write_str("a number or [lowest, highest]")
+            }
+
+            fn visit_f64<E>(self, speed: f64) -> Result<SpeedInput, E> {
+                Ok(SpeedInput::Constant(speed))
+            }
+
+            fn visit_u64<E>(self, speed: u64) -> Result<SpeedInput, E> {
+                Ok(SpeedInput::Constant(speed as f64))
+            }
+
+            fn visit_i64<E>(self, speed: i64) -> Result<SpeedInput, E> {
+                Ok(SpeedInput::Constant(speed as f64))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<SpeedInput, A::Error> {
+                <[f64; 2]>::deserialize(SeqAccessDeserializer::new(seq)).map(SpeedInput::Range)
+            }
+        }
+
+        from.deserialize_any(Reader)
+    }
 }
 
 #[derive(Deserialize)]

@@ -4,7 +4,7 @@
 use super::headings::{Cuts, Moment, Piece, Pieces, Tube};
 use super::interval::{Clearance, ClearanceSettings};
 use super::plan::{Footprint, Leg, Placed, Plan};
-use super::upper_bound::{Farthest, turns_away};
+use super::upper_bound::{Farthest, ahead, turns_away};
 use crate::bounds::InputBounds;
 use crate::math::{TAU, atan2, cos, hypot, sin_cos, sinc, wrap_angle};
 use crate::vehicle::Pose;
@@ -15,7 +15,10 @@ use std::collections::BinaryHeap;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Setting<'a> {
     pub(super) start: Pose,
+    /// The human's highest speed (m/s).
     pub(super) speed_mps: f64,
+    /// The lowest speed as a share of the highest.
+    pub(super) slow: f64,
     pub(super) step_s: f64,
     pub(super) plan: &'a Plan,
     pub(super) footprint: &'a Footprint,
@@ -125,7 +128,7 @@ impl Search {
         self.open.clear();
         self.open.reserve(on.settings.most_parts + 2);
         self.tube.reserve(self.pieces.len());
-        self.farthest.reserve(self.pieces.len());
+        self.farthest.reserve(self.pieces.len(), on.slow);
     }
 
     /// Returns the clearance in step `step` (counted from 0) and the work spent on it. `at_least_m` is
@@ -352,7 +355,7 @@ impl<'a> Look<'a> {
     }
 
     /// The gaps at both ends, along direction `alpha` from human to robot. In between, the human's velocity
-    /// component along the direction is at most the speed times the largest cosine of a heading. The true gap
+    /// component along the direction is at most the best speed times the largest cosine of a heading. The true gap
     /// is therefore never below the linear interpolation of the two gaps by more than the bulge of the
     /// robot's path.
     fn along(&self, alpha: f64, tube: &Tube, farthest: &mut Farthest) -> [End; 2] {
@@ -362,11 +365,13 @@ impl<'a> Look<'a> {
         let (lo, hi) = tube.end();
         let (lo, hi) =
             (lo + self.rates.0.min(0.0) * self.seconds, hi + self.rates.1.max(0.0) * self.seconds);
-        let onward_m = v * self.seconds * most_cosine(lo - alpha, hi - alpha);
+        let onward = ahead(most_cosine(lo - alpha, hi - alpha), self.on.slow);
+        let onward_m = v * self.seconds * onward;
         let (place, heading) = farthest.end(tube);
         let toward = turns_away(alpha, (heading, heading)) - heading;
         let turn = toward.max(self.rates.0 * self.seconds).min(self.rates.1 * self.seconds);
-        let chord = self.seconds * sinc(0.5 * turn);
+        let speed = farthest.speed(heading + 0.5 * turn - alpha);
+        let chord = speed * self.seconds * sinc(0.5 * turn);
         let (up, on) = sin_cos(heading + 0.5 * turn);
         let later = [place[0] + chord * on, place[1] + chord * up];
         let end = |robot: &Placed<'_>, place: [f64; 2], far_m: f64| {

@@ -6,13 +6,13 @@ use super::separating_line::{ClearanceFinder, HumanFuture};
 use crate::bounds::{Algorithm1, BoundsSettings, InputBounds, Motion, Rollout};
 use crate::invalid::Invalid;
 use crate::math::{hypot, wrap_angle};
-use crate::plausibility::{Departure, check_step, departure};
+use crate::plausibility::{Departure, check_step, departure_at};
 use crate::predict::Predictor;
 use crate::safety::SafetyLevels;
 use crate::scene::{JointState, SceneParameters};
 use crate::shfrs::PredictedHuman;
 use crate::shfrs::tuning::Tuned;
-use crate::vehicle::Pose;
+use crate::vehicle::{Pose, SpeedRange};
 use std::sync::Arc;
 
 /// Whether a state continues the history.
@@ -49,6 +49,8 @@ pub struct OnlinePredictor {
     predictor: Arc<Predictor>,
     safety: Arc<SafetyLevels>,
     parameters: SceneParameters,
+    /// The speeds with which the human can drive on.
+    speed: SpeedRange,
     settings: BoundsSettings,
     /// Number of states that the features need.
     needed: usize,
@@ -99,6 +101,7 @@ impl OnlinePredictor {
             predictor,
             safety,
             parameters,
+            speed: parameters.human.speed_mps.into(),
             settings,
             needed,
             history: Vec::with_capacity(needed),
@@ -145,6 +148,24 @@ impl OnlinePredictor {
     #[must_use]
     pub fn with_next_steps(self, next: NextSteps) -> Self {
         Self { next, ..self }
+    }
+
+    /// Lets the human choose the speed from a range (m/s), as people on foot do. The sets, the clearances and
+    /// [`Self::departure`] then allow every speed of the range. Without this, they assume the constant speed
+    /// of the parameters. Features and roll-outs use that speed in any case.
+    ///
+    /// # Errors
+    /// [`Invalid`] if the range has no speed above 0.
+    pub fn with_speed(self, speed: SpeedRange) -> Result<Self, Invalid> {
+        speed.check()?;
+        crate::invalid::positive("speed_mps", speed.hi_mps())?;
+        Ok(Self { speed, ..self })
+    }
+
+    /// The speeds with which the human can drive on.
+    #[must_use]
+    pub fn speed(&self) -> SpeedRange {
+        self.speed
     }
 
     /// The settings of Algorithm 1, which determine the sets.
@@ -194,8 +215,9 @@ impl OnlinePredictor {
     /// human moved or turned by more than twice the vehicle's maximum in a step, earlier states are
     /// dropped. If a state was missed, call [`Self::reset`] and start again.
     ///
-    /// The sets assume that the human continues at the speed of the parameters and within the maximum
-    /// turn rate. They prove nothing for a human who stands still, or who moves slower or faster.
+    /// The sets assume that the human continues at the speed of the parameters (or within
+    /// [a range](Self::with_speed)) and within the maximum turn rate. They prove nothing for a human who
+    /// moves slower or faster.
     /// Therefore, if the human's vehicle cannot have driven the step within a tolerance of a millimetre
     /// and a milliradian, `push` returns [`Continuity::Departed`], and no plan is clear until the next
     /// step ([`Self::departure`]). Positions with more noise need [`NextSteps::AssumeVehicle`].
@@ -229,13 +251,14 @@ impl OnlinePredictor {
     #[must_use]
     pub fn departure(&self) -> Option<Departure> {
         let (before, last) = (self.before?, self.history.last()?);
-        let found = departure(&self.parameters, before, last.human);
+        let found = departure_at(&self.parameters, self.speed, before, last.human);
         found.filter(|_| self.next == NextSteps::LikeLast)
     }
 
     /// Checks that the human's vehicle in the parameters could have driven the last step within a
     /// tolerance of a millimetre and a milliradian. The sets and their probabilities assume that the
-    /// vehicle can also drive the human's next steps. [`NextSteps`] has no effect on this check.
+    /// vehicle can also drive the human's next steps. Neither [`NextSteps`] nor [`Self::with_speed`] has an effect
+    /// on this check: the humans of a calibration had the speed of the parameters.
     ///
     /// # Errors
     /// [`Invalid`] if the vehicle cannot have driven the step ([`check_step`]). With fewer than two
@@ -250,7 +273,8 @@ impl OnlinePredictor {
         let (human, step_s) = (self.parameters.human, self.parameters.step_s);
         let moved = hypot(state.human.x - last.human.x, state.human.y - last.human.y);
         let turned = wrap_angle(state.human.psi - last.human.psi).abs();
-        moved > JUMP * human.speed_mps * step_s || turned > JUMP * human.turn_rate_radps * step_s
+        moved > JUMP * self.speed.hi_mps() * step_s
+            || turned > JUMP * human.turn_rate_radps * step_s
     }
 
     /// Computes the bounds of each set F_1 ⊆ F_2 ⊆ … from the states so far. They hold for a human who
@@ -292,7 +316,7 @@ impl OnlinePredictor {
         let future = HumanFuture {
             start: found.low[0].human,
             sets: &found.sets,
-            speed_mps: self.parameters.human.speed_mps,
+            speed: self.speed,
             step_s: self.parameters.step_s,
         };
         self.finder.find_unless(departed, &future, plan, footprint)

@@ -7,7 +7,7 @@ use crate::bounds::InputBounds;
 use crate::invalid::{Invalid, positive};
 use crate::math::PI;
 use crate::plausibility::Departure;
-use crate::vehicle::Pose;
+use crate::vehicle::{Pose, SpeedRange};
 
 /// The nested sets of a prediction. They contain the human's positions as long as the human drives
 /// like the vehicle. ([`OnlinePredictor`](super::OnlinePredictor) checks this for the last step.
@@ -19,8 +19,8 @@ pub struct HumanFuture<'a> {
     pub start: Pose,
     /// The bounds of each set F_1 ⊆ F_2 ⊆ …: at least one set, all with the same number of steps.
     pub sets: &'a [InputBounds],
-    /// The human's speed (m/s).
-    pub speed_mps: f64,
+    /// The human's speeds (m/s): a constant speed, or a range from which the human chooses at any time.
+    pub speed: SpeedRange,
     /// Duration of a step (s).
     pub step_s: f64,
 }
@@ -28,7 +28,8 @@ pub struct HumanFuture<'a> {
 impl HumanFuture<'_> {
     fn check(&self, plan: &Plan) -> Result<(), Invalid> {
         self.start.check().map_err(|invalid| invalid.within("start"))?;
-        positive("speed_mps", self.speed_mps)?;
+        self.speed.check()?;
+        positive("speed_mps", self.speed.hi_mps())?;
         positive("step_s", self.step_s)?;
         let Some(first) = self.sets.first() else {
             return Err(Invalid::new("sets", "at least one", "none"));
@@ -81,7 +82,7 @@ impl HumanFuture<'_> {
 /// # Method
 /// A separating line between robot and human proves that they do not touch. For each direction, dynamic
 /// programming over the heading gives an upper bound on how far the human can get. It replaces the
-/// cosine by a line above it in each time interval (`upper_bound`). The bound is valid for every choice
+/// cosine, times the best speed, by a line above it in each time interval (`upper_bound`). The bound is valid for every choice
 /// of directions and lines. While the proven distance is too far below the distance to the nearest
 /// drive found, branch and bound halves the drives (by their heading at some instant) or the time
 /// interval, and searches both halves (`branch_and_bound`). The method also works for non-convex sets
@@ -98,7 +99,7 @@ impl HumanFuture<'_> {
 /// let all = InputBounds::new(vec![-0.5; 5], vec![0.5; 5], (-0.5, 0.5))?;
 /// let start = Pose::new(0.0, 0.0, 0.0);
 /// let sets = [straight, all];
-/// let future = HumanFuture { start, sets: &sets, speed_mps: 2.0, step_s: 0.2 };
+/// let future = HumanFuture { start, sets: &sets, speed: 2.0.into(), step_s: 0.2 };
 /// // A robot that stands 3 m ahead, with a radius of 0.4 m.
 /// let limits = PlanLimits::new(1.0, 1.0);
 /// let plan = Plan::of_positions(&[[3.0, 0.0]; 6], 0.2, limits)?;
@@ -150,8 +151,9 @@ impl ClearanceFinder {
         let (mut left, mut undecided) = (settings.most_work, future.sets.len() * steps);
         // The largest set comes first, because its lower bounds also hold for the sets inside it.
         for (j, set) in future.sets.iter().enumerate().rev() {
-            let (start, speed_mps, step_s) = (future.start, future.speed_mps, future.step_s);
-            let setting = Setting { start, speed_mps, step_s, plan, footprint, settings };
+            let (start, speed_mps, step_s) = (future.start, future.speed.hi_mps(), future.step_s);
+            let slow = future.speed.lo_mps() / speed_mps;
+            let setting = Setting { start, speed_mps, slow, step_s, plan, footprint, settings };
             self.search.begin(set, &setting);
             for step in 0..steps {
                 let larger = self.found.all.get((j + 1) * steps + step).copied();

@@ -1,6 +1,8 @@
 //! An upper bound on how far the human can get in a direction, and a drive that comes close to it.
 //!
-//! The distance along direction α is v∫cos(θ − α), where θ(t) is the heading. In each piece, the cosine
+//! The distance along direction α is ∫v·cos(θ − α), where θ(t) is the heading. If the speed v is chosen from a
+//! range, the best speed is the highest where the cosine is positive, and the lowest elsewhere. Per second of travel
+//! at the highest speed, the human gets ahead by [`ahead`]. In each piece, this function
 //! is replaced by a line that is nowhere below it for all headings possible in the piece. The result is
 //! linear in the headings at the ends of the pieces, apart from a concave gain per turn. Dynamic
 //! programming finds its maximum, because the value function (the remaining gain) is concave and
@@ -10,6 +12,12 @@
 use super::headings::{Piece, Tube};
 use crate::math::{PI, TAU, cos, sin_cos, sinc};
 use core::f64::consts::FRAC_PI_2;
+
+/// How far the human gets ahead per second of travel at the highest speed, from the cosine of the angle between
+/// heading and direction. `slow` is the lowest speed as a share of the highest.
+pub(super) fn ahead(cosine: f64, slow: f64) -> f64 {
+    if cosine > 0.0 { cosine } else { slow * cosine }
+}
 
 /// A linear function of the heading.
 #[derive(Clone, Copy, Debug)]
@@ -33,29 +41,30 @@ impl Line {
         self.at_zero + self.slope * x
     }
 
-    /// A line that is nowhere below the cosine in [lo, hi]; if possible, the tangent at `touch`.
-    fn above_cosine(lo: f64, hi: f64, touch: f64) -> Self {
+    /// A line that is nowhere below [`ahead`] in [lo, hi]; if possible, the tangent at `touch`.
+    fn above(lo: f64, hi: f64, touch: f64, slow: f64) -> Self {
         if hi - lo >= PI || (lo <= 0.0 && 0.0 <= hi && touch == 0.0) {
             return Self { at_zero: 1.0, slope: 0.0 };
         }
         if lo + hi < 0.0 {
-            let mirrored = Self::above_cosine(-hi, -lo, -touch);
+            let mirrored = Self::above(-hi, -lo, -touch, slow);
             return Self { slope: -mirrored.slope, ..mirrored };
         }
-        // Now −π/2 < lo and hi < 3π/2, since the middle is at most π. Up to π/2 the cosine is
-        // concave and lies below its tangents. Beyond π/2 it is convex. So a tangent to the concave
-        // part is above the cosine everywhere if it is above the cosine at the upper end.
+        // Now −π/2 < lo and hi < 3π/2, since the middle is at most π. Up to π/2 the function is the cosine,
+        // which is concave and lies below its tangents. From π/2 on it is convex, also at π/2, where its
+        // slope rises from −1 to −`slow`. So a tangent to the concave part is above the function everywhere
+        // if it is above the function at the upper end.
         let nearest = 0.0_f64.clamp(lo, hi);
         for place in [touch.clamp(lo, hi), nearest] {
             if place.abs() <= FRAC_PI_2 {
                 let line = Self::tangent(place);
-                if hi <= FRAC_PI_2 || line.at(hi) >= cos(hi) {
+                if hi <= FRAC_PI_2 || line.at(hi) >= ahead(cos(hi), slow) {
                     return line;
                 }
             }
         }
-        // Here `nearest` is the lower end, and the chord from the lower end is above the cosine.
-        let (at_lo, at_hi) = (cos(lo), cos(hi));
+        // Here `nearest` is the lower end, and the chord from the lower end is above the function.
+        let (at_lo, at_hi) = (ahead(cos(lo), slow), ahead(cos(hi), slow));
         let width = hi - lo;
         if width < NO_WIDTH_RAD {
             return Self { at_zero: at_lo + width, slope: 0.0 };
@@ -192,12 +201,30 @@ pub(super) struct Farthest {
     lines: Vec<Line>,
     /// The headings with the largest gain, after each piece.
     best: Vec<(f64, f64)>,
-    /// The headings of the drive that comes close to the bound, at the start and after each piece.
-    drive: Vec<f64>,
+    /// The drive that comes close to the bound.
+    drive: Drive,
     /// Two saved drives.
-    kept: [Vec<f64>; 2],
+    kept: [Drive; 2],
     /// The headings at which lines should touch the cosine; empty at first.
     touch: Vec<f64>,
+    /// The lowest speed as a share of the highest.
+    slow: f64,
+}
+
+/// A trajectory of the human with a constant turn rate and speed in each piece.
+#[derive(Clone, Debug, Default)]
+struct Drive {
+    /// Headings at the start and after each piece (rad).
+    headings: Vec<f64>,
+    /// The speed in each piece, as a share of the highest.
+    speeds: Vec<f64>,
+}
+
+impl Drive {
+    fn clear(&mut self) {
+        self.headings.clear();
+        self.speeds.clear();
+    }
 }
 
 /// The angle to subtract from headings to make them relative to direction `alpha`. The middle of
@@ -207,13 +234,17 @@ pub(super) fn turns_away(alpha: f64, (lo, hi): (f64, f64)) -> f64 {
     alpha + TAU * ((middle - PI) / TAU).ceil()
 }
 
-/// The end of the drive with these headings at the knots and a constant turn rate in each piece
+/// The end of the drive with these headings at the knots and a constant turn rate and speed in each piece
 /// (s of travel), and its last heading.
-fn follow(pieces: &[Piece], mut headings: impl Iterator<Item = f64>) -> ([f64; 2], f64) {
+fn follow(
+    pieces: &[Piece],
+    mut headings: impl Iterator<Item = f64>,
+    speeds: impl Iterator<Item = f64>,
+) -> ([f64; 2], f64) {
     let mut place = [0.0; 2];
     let mut from = headings.next().unwrap_or(0.0);
-    for (piece, to) in pieces.iter().zip(headings) {
-        let chord = piece.seconds * sinc(0.5 * (to - from));
+    for ((piece, to), speed) in pieces.iter().zip(headings).zip(speeds) {
+        let chord = speed * piece.seconds * sinc(0.5 * (to - from));
         let (sin, cos) = sin_cos(0.5 * (from + to));
         place = [place[0] + chord * cos, place[1] + chord * sin];
         from = to;
@@ -222,8 +253,9 @@ fn follow(pieces: &[Piece], mut headings: impl Iterator<Item = f64>) -> ([f64; 2
 }
 
 impl Farthest {
-    /// Reserves capacity for this number of pieces.
-    pub(super) fn reserve(&mut self, pieces: usize) {
+    /// Reserves capacity for this number of pieces. `slow` is the lowest speed as a share of the highest.
+    pub(super) fn reserve(&mut self, pieces: usize, slow: f64) {
+        self.slow = slow;
         self.gain.segments.clear();
         self.gain.segments.reserve(TANGENTS * pieces + 1);
         self.lines.clear();
@@ -231,10 +263,13 @@ impl Farthest {
         self.best.clear();
         self.best.reserve(pieces + 1);
         let [first, second] = &mut self.kept;
-        for headings in [&mut self.drive, &mut self.touch, first, second] {
-            headings.clear();
-            headings.reserve(pieces + 1);
+        for drive in [&mut self.drive, first, second] {
+            drive.clear();
+            drive.headings.reserve(pieces + 1);
+            drive.speeds.reserve(pieces);
         }
+        self.touch.clear();
+        self.touch.reserve(pieces);
     }
 
     /// Resets the headings at which lines should touch the cosine.
@@ -244,8 +279,9 @@ impl Farthest {
 
     /// Moves the points where lines touch the cosine toward the headings of the last drive.
     pub(super) fn touch_drive(&mut self) {
-        let middles = self.drive.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
-        if self.touch.len() == self.drive.len() - 1 {
+        let headings = &self.drive.headings;
+        let middles = headings.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
+        if self.touch.len() == headings.len() - 1 {
             self.touch
                 .iter_mut()
                 .zip(middles)
@@ -256,8 +292,8 @@ impl Farthest {
         }
     }
 
-    /// An upper bound on ∫cos(θ − α) over the drives in the tube (s of travel). Also finds a drive
-    /// that comes close to the bound.
+    /// An upper bound on the integral of [`ahead`] over the drives in the tube (s of travel). Also finds a
+    /// drive that comes close to the bound.
     pub(super) fn bound(&mut self, tube: &Tube, alpha: f64) -> f64 {
         let pieces = &tube.pieces;
         self.lines.clear();
@@ -272,7 +308,7 @@ impl Farthest {
                     0.5 * (nearest(k) + nearest(k + 1)) - shift
                 }
             };
-            let line = Line::above_cosine(lo - shift, hi - shift, touch);
+            let line = Line::above(lo - shift, hi - shift, touch, self.slow);
             self.lines.push(Line { at_zero: line.at(-shift), ..line });
         }
         let n = pieces.len();
@@ -298,25 +334,33 @@ impl Farthest {
     }
 
     /// Follows the headings with the largest gain from the start. Of several best headings, it takes
-    /// the one nearest to the direction.
+    /// the one nearest to the direction. The speed is the best one for the middle of each piece.
     fn find_drive(&mut self, tube: &Tube, alpha: f64) {
         self.drive.clear();
         let mut heading = tube.lo[0];
-        self.drive.push(heading);
+        self.drive.headings.push(heading);
         for (k, piece) in tube.pieces.iter().enumerate() {
             let (least, most) = self.best[k + 1];
             let toward = turns_away(alpha, (least, most));
             let aim = toward.max(least).min(most);
             let lo = tube.lo[k + 1].max(heading + piece.lo * piece.seconds);
             let hi = tube.hi[k + 1].min(heading + piece.hi * piece.seconds);
+            let before = heading;
             heading = aim.max(lo).min(hi);
-            self.drive.push(heading);
+            self.drive.headings.push(heading);
+            self.drive.speeds.push(self.speed(0.5 * (before + heading) - alpha));
         }
+    }
+
+    /// The speed, as a share of the highest, with which a heading gets farthest in a direction at this angle.
+    pub(super) fn speed(&self, angle: f64) -> f64 {
+        if self.slow < 1.0 && cos(angle) < 0.0 { self.slow } else { 1.0 }
     }
 
     /// The end of the drive, relative to its start (s of travel, world axes), and its last heading.
     pub(super) fn end(&self, tube: &Tube) -> ([f64; 2], f64) {
-        follow(&tube.pieces, self.drive.iter().copied())
+        let Drive { headings, speeds } = &self.drive;
+        follow(&tube.pieces, headings.iter().copied(), speeds.iter().copied())
     }
 
     /// Saves the drive as the first (0) or the second (1) saved drive.
@@ -325,16 +369,18 @@ impl Farthest {
     }
 
     /// The end of a drive that is interpolated between the first (share 0) and the second (share 1)
-    /// saved drive. Both are in this tube. The constraints on headings and rates are convex, so they
+    /// saved drive. Both are in this tube. The constraints on headings, rates and speeds are convex, so they
     /// admit every interpolated drive.
     pub(super) fn end_between(&self, tube: &Tube, share: f64) -> ([f64; 2], f64) {
-        follow(&tube.pieces, self.between(share))
+        let [first, second] = &self.kept;
+        let speeds = mixed(&first.speeds, &second.speeds, share);
+        follow(&tube.pieces, self.between(share), speeds)
     }
 
     /// The headings of the interpolated drive.
     fn between(&self, share: f64) -> impl Iterator<Item = f64> {
         let [first, second] = &self.kept;
-        first.iter().zip(second).map(move |(a, b)| a + share * (b - a))
+        mixed(&first.headings, &second.headings, share)
     }
 
     /// How far the last lines are above the cosine along the interpolated drive.
@@ -342,11 +388,11 @@ impl Farthest {
         let mut found = Looseness { seconds: 0.0, knot: 0, heading: 0.0 };
         let mut most = 0.0;
         for (knot, heading) in self.between(share).enumerate() {
-            let cosine = cos(heading - alpha);
+            let most_ahead = ahead(cos(heading - alpha), self.slow);
             let beside = |piece: Option<usize>| {
                 let (line, piece) =
                     piece.and_then(|k| self.lines.get(k).zip(tube.pieces.get(k)))?;
-                Some(0.5 * piece.seconds * (line.at(heading) - cosine))
+                Some(0.5 * piece.seconds * (line.at(heading) - most_ahead))
             };
             let here =
                 beside(knot.checked_sub(1)).unwrap_or(0.0) + beside(Some(knot)).unwrap_or(0.0);
@@ -358,6 +404,11 @@ impl Farthest {
         }
         found
     }
+}
+
+/// Interpolates between two lists of numbers.
+fn mixed(first: &[f64], second: &[f64], share: f64) -> impl Iterator<Item = f64> {
+    first.iter().zip(second).map(move |(a, b)| a + share * (b - a))
 }
 
 /// An estimate of how much too large a bound is.
@@ -377,15 +428,16 @@ mod tests {
     use crate::math::SeededRng;
 
     #[test]
-    fn lines_are_above_the_cosine_and_touch_it() {
+    fn lines_are_above_the_function_and_touch_it() {
         let mut rng = SeededRng::new(1);
         for _ in 0..20_000 {
             let width = if rng.below(8) == 0 { 0.0 } else { rng.uniform(0.0, 3.5) };
             let lo = rng.uniform(-PI, PI) - 0.5 * width;
             let hi = lo + width;
             let touch = rng.uniform(lo - 1.0, hi + 1.0);
-            let line = Line::above_cosine(lo, hi, touch);
-            let over = |x: f64| line.at(x) - sin_cos(x).1;
+            let slow = if rng.below(2) == 0 { 1.0 } else { rng.unit() };
+            let line = Line::above(lo, hi, touch, slow);
+            let over = |x: f64| line.at(x) - ahead(cos(x), slow);
             let gaps = (0..=200).map(|i| over(lo + width * f64::from(i) / 200.0));
             let least = gaps.fold(f64::INFINITY, f64::min);
             assert!(least >= -1e-12, "{lo} {hi} {touch}: {least}");

@@ -8,12 +8,11 @@ use super::outer::Request;
 use super::outline::thickness;
 use super::paths::{Paths, unit};
 use super::sampling::{Outline, PolygonSettings};
-use super::speeds::SpeedRange;
 use super::start::StartSet;
 use crate::bounds::InputBounds;
 use crate::invalid::{Invalid, positive};
 use crate::math::PI;
-use crate::vehicle::Pose;
+use crate::vehicle::{Pose, SpeedRange};
 use core::ops::ControlFlow;
 use nalgebra::Complex;
 
@@ -112,7 +111,7 @@ impl ReachableSet {
         for range in &speeds {
             range.check()?;
         }
-        let speed_mps = speeds.iter().map(|range| range.hi_mps).fold(0.0, f64::max);
+        let speed_mps = speeds.iter().map(|range| range.hi_mps()).fold(0.0, f64::max);
         let step_m = positive("speed_mps", speed_mps)? * positive("step_s", step_s)?;
         if step_m > MOST_STEP_M {
             let expected = format!("a speed that makes steps of {MOST_STEP_M} m at most");
@@ -145,7 +144,7 @@ impl ReachableSet {
         self.paths.reset(bounds, self.paths.step_s);
         for (step, shares) in self.paths.speeds.iter_mut().enumerate() {
             let range = self.speeds[step % given];
-            *shares = [range.lo_mps, range.hi_mps].map(|speed| speed / self.speed_mps);
+            *shares = [range.lo_mps(), range.hi_mps()].map(|speed| speed / self.speed_mps);
         }
         Ok(())
     }

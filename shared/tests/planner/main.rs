@@ -10,7 +10,7 @@ mod online;
 use sidestep::bounds::InputBounds;
 use sidestep::clearance::{Plan, PlanLimits};
 use sidestep::math::SeededRng;
-use sidestep::vehicle::{Pose, dubins};
+use sidestep::vehicle::{Pose, SpeedRange, dubins};
 
 /// Speed, step length and maximum turn rate of a human, and the number of steps.
 #[derive(Clone, Copy, Debug)]
@@ -52,16 +52,17 @@ fn any_bounds(class: Class, rng: &mut SeededRng) -> InputBounds {
     bounds(&lo, &hi)
 }
 
-/// The start, and the poses after each of the `parts` parts of every step. The turn rates change at
-/// random. Each rate is either one of the bounds or any admissible rate.
+/// The start, and the poses after each of the `parts` parts of every step. Turn rates and speeds change at
+/// random. Each of them is either a bound or any admissible value.
 fn any_drive(
     start: Pose,
     class: Class,
-    bounds: &InputBounds,
+    (bounds, speed): (&InputBounds, SpeedRange),
     parts: usize,
     rng: &mut SeededRng,
 ) -> Vec<Pose> {
     let (mut pose, mut share) = (start, rng.unit());
+    let mut fast = if speed.is_constant() { 1.0 } else { rng.unit() };
     let restless = rng.uniform(0.0, 0.3);
     let only_bounds = rng.below(2) == 0;
     let mut poses = vec![start];
@@ -70,9 +71,14 @@ fn any_drive(
             if rng.unit() < restless {
                 share = rng.unit();
             }
-            let share = if only_bounds { share.round() } else { share };
+            if !speed.is_constant() && rng.unit() < restless {
+                fast = rng.unit();
+            }
+            let [share, fast] =
+                [share, fast].map(|share| if only_bounds { share.round() } else { share });
+            let speed_mps = speed.lo_mps() + (speed.hi_mps() - speed.lo_mps()) * fast;
             let seconds = class.step_s / parts as f64;
-            pose = dubins::arc(pose, class.speed_mps, lo + (hi - lo) * share, seconds);
+            pose = dubins::arc(pose, speed_mps, lo + (hi - lo) * share, seconds);
             poses.push(pose);
         }
     }

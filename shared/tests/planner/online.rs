@@ -22,7 +22,7 @@ use sidestep::shfrs::scores::{Scores, ShfrsFamily};
 use sidestep::shfrs::widened::widened;
 use sidestep::shfrs::window::{Trajectory, Window};
 use sidestep::shfrs::window_sets::Prediction;
-use sidestep::vehicle::{Pose, TurnInput, dubins};
+use sidestep::vehicle::{Pose, SpeedRange, TurnInput, dubins};
 use std::ops::ControlFlow;
 
 fn safety(parameters: &SceneParameters) -> SafetyLevels {
@@ -166,7 +166,7 @@ fn nobody_who_stands_still_is_driven_over() {
     assert!(found.sets() == 2 && (0..2).all(|set| found.by_step(set).len() == STEPS));
     assert!((0..2).all(|set| found.by_step(set).iter().all(nothing)));
     assert_eq!((found.largest_clear(0.0), found.of(0).at_most_m), (None, f64::NEG_INFINITY));
-    let why = Departure::Speed { measured_mps: 0.0, vehicle_mps: 2.0 };
+    let why = Departure::Speed { measured_mps: 0.0, vehicle: 2.0.into() };
     assert_eq!((found.unproved(), online.departure()), (Some(why), Some(why)));
     // The probability of a collision has no bound either.
     let scores = Scores::new(vec![0.0; 100]).unwrap();
@@ -195,6 +195,40 @@ fn nobody_who_stands_still_is_driven_over() {
     assert_eq!(online.push(away), Ok(Continuity::Restarted));
     online.predict().unwrap();
     assert!(online.clear(&plan, &footprint).unwrap().unproved().is_some());
+}
+
+/// A person who slows down and stands is still within the sets of a range of speeds.
+#[test]
+fn a_range_of_speeds_lets_the_human_stand() {
+    let parameters = SceneParameters::default();
+    let constant = Predictor::constant(FeatureSet::none(), vec![-1, 0, 1], vec![0.1, 0.8, 0.1]);
+    let safety = safety(&parameters);
+    let settings =
+        BoundsSettings::new(vec![0.0, 1.0], ActionChoice::TopK(vec![1; STEPS]), Rollout::Base, 3);
+    let online =
+        OnlinePredictor::new(constant.unwrap(), safety, parameters, settings.unwrap()).unwrap();
+    assert_eq!(online.speed(), 2.0.into());
+    let refused = online.clone().with_speed(SpeedRange::new(0.0, 0.0).unwrap());
+    assert_eq!(refused.unwrap_err().field, "speed_mps");
+    let mut online = online.with_speed(SpeedRange::new(0.0, 2.2).unwrap()).unwrap();
+    let robot = Pose::new(6.0, 0.0, core::f64::consts::PI);
+    let at = |x: f64| JointState { human: Pose::new(x, 0.0, 0.0), robot };
+    for x in [0.0, 0.44, 0.6, 0.6] {
+        assert_eq!(online.push(at(x)), Ok(Continuity::Continues), "{x}");
+    }
+    online.predict().unwrap();
+    let plan = Plan::driven(robot, &[(0.0, 0.0); STEPS], 0.2, super::FREE).unwrap();
+    let found = online.clear(&plan, &Footprint::disc(0.5).unwrap()).unwrap();
+    // The human can stand or drive 4.4 m straight ahead.
+    let clearances = found.by_step(0).iter().zip(1..);
+    for (clearance, step) in clearances {
+        let expected_m = 5.4 - 0.5 - 0.44 * f64::from(step);
+        assert!(clearance.at_least_m <= expected_m && expected_m <= clearance.at_most_m + 1e-9);
+        assert!(clearance.at_most_m - clearance.at_least_m <= 0.02, "{clearance:?}");
+    }
+    assert_eq!(online.push(at(1.2)), Ok(Continuity::Departed), "faster than 2.2 m/s");
+    let why = online.departure().unwrap().to_string();
+    assert_eq!(why, "the human moved at 3.00 m/s, the vehicle at 0 to 2.2 m/s");
 }
 
 #[test]
@@ -261,7 +295,7 @@ fn touches_are_as_rare_as_the_bound_says() {
     let sets: Vec<InputBounds> =
         EPSILON.map(|epsilon| widened(&[(0.0, 0.0); STEPS], epsilon, (-0.5, 0.5)).unwrap()).into();
     let start = Pose::new(0.0, 0.0, 0.0);
-    let future = HumanFuture { start, sets: &sets, speed_mps: 2.0, step_s: 0.2 };
+    let future = HumanFuture { start, sets: &sets, speed: 2.0.into(), step_s: 0.2 };
     let footprint = Footprint::disc(0.3).unwrap();
     let mut finder = ClearanceFinder::default();
     let (calibrations, scenes) = (60, 40);
@@ -339,7 +373,7 @@ fn bounds_say_what_they_assume_and_refuse_bad_input() {
     let plan = Plan::of_positions(&[[50.0, 0.0]; 4], 0.2, super::FREE).unwrap();
     let start = Pose::new(0.0, 0.0, 0.0);
     let sets = [super::bounds(&[-0.1; 3], &[0.1; 3])];
-    let future = HumanFuture { start, sets: &sets, speed_mps: 2.0, step_s: 0.2 };
+    let future = HumanFuture { start, sets: &sets, speed: 2.0.into(), step_s: 0.2 };
     let mut finder = ClearanceFinder::default();
     let found = finder.find(&future, &plan, &Footprint::disc(0.3).unwrap()).unwrap();
     assert_eq!(bounds.collision(found).unwrap_err().field, "clearances");

@@ -8,10 +8,8 @@ use super::region::Region;
 use super::{any_drive, origin};
 use sidestep::bounds::InputBounds;
 use sidestep::math::{SeededRng, exp};
-use sidestep::reach::{
-    Membership, Outline, PolygonSettings, ReachableSet, SpeedRange, Tolerance, Workspace,
-};
-use sidestep::vehicle::{Pose, dubins};
+use sidestep::reach::{Membership, Outline, PolygonSettings, ReachableSet, Tolerance, Workspace};
+use sidestep::vehicle::{Pose, SpeedRange, dubins};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 

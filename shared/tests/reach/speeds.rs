@@ -5,8 +5,8 @@ use super::{RATE_RADPS, SPEED_MPS, STEP_S, origin, set};
 use sidestep::bounds::InputBounds;
 use sidestep::math::{SeededRng, TAU, cos, hypot, sin_cos};
 use sidestep::reach::polygon::signed_distance;
-use sidestep::reach::{Outline, PolygonSettings, ReachableSet, SpeedRange, Tolerance, Workspace};
-use sidestep::vehicle::{Pose, dubins};
+use sidestep::reach::{Outline, PolygonSettings, ReachableSet, Tolerance, Workspace};
+use sidestep::vehicle::{Pose, SpeedRange, dubins};
 
 fn range(lo: f64, hi: f64) -> SpeedRange {
     SpeedRange::new(lo, hi).unwrap()
@@ -93,7 +93,7 @@ fn drives_reach_the_vertices() {
         let polygon = between(&lo, &hi, vec![speeds]).step_polygon(steps, settings);
         let spread = speeds.hi_mps() - speeds.lo_mps();
         let part_s = STEP_S / PARTS as f64;
-        for vertex in polygon.iter().step_by(polygon.len().div_ceil(24)) {
+        for vertex in polygon.iter().step_by(polygon.len().div_ceil(12)) {
             let off = |drive: &[[f64; 2]]| {
                 let end = drive.iter().fold(origin(), |pose, [rate, speed]| {
                     let speed = speeds.lo_mps() + spread * speed;
@@ -102,7 +102,7 @@ fn drives_reach_the_vertices() {
                 hypot(end.x - vertex[0], end.y - vertex[1])
             };
             let mut least = f64::INFINITY;
-            for _ in 0..6 {
+            for _ in 0..3 {
                 let mut drive: Vec<_> =
                     (0..PARTS * steps).map(|_| [rng.unit(), rng.unit()]).collect();
                 let mut best = off(&drive);

@@ -153,6 +153,31 @@ async fn conservative_polygons_are_a_little_larger() {
     assert_eq!(outer["sets"][0]["queries"], exact["sets"][0]["queries"]);
 }
 
+/// A vehicle that changes its speed reaches what each constant speed reaches, and more.
+#[tokio::test]
+async fn a_range_of_speeds_reaches_more() {
+    // After 0.45 m and after 0.05 m of driving straight, and with a heading that is 1 rad off.
+    let mut document = reach();
+    document["sets"][0]["queries"] = json!([
+        { "step": 1, "state": [1.3949, 2.2157, 0.5] },
+        { "step": 1, "state": [1.0439, 2.0240, 0.5] },
+        { "step": 1, "state": [1.3949, 2.2157, 1.5] },
+    ]);
+    let constant = answer("reach", &document).await;
+    document["speed"] = json!([0.5, 2.5]);
+    let chosen = answer("reach", &document).await;
+    let found = |answer: &Value, which: &str| -> Vec<bool> {
+        (0..3).map(|q| answer["sets"][0]["queries"][q][which].as_bool().unwrap()).collect()
+    };
+    assert_eq!(found(&constant, "planar"), [false, false, false]);
+    assert_eq!(found(&chosen, "planar"), [true, false, true]);
+    assert_eq!(found(&chosen, "full"), [true, false, false]);
+    let area = |answer: &Value| answer["sets"][0]["tube"]["area"].as_f64().unwrap();
+    assert!(area(&chosen) > area(&constant), "{} {}", area(&chosen), area(&constant));
+    document["speed"] = json!([2, 2]);
+    assert_eq!(answer("reach", &document).await, constant);
+}
+
 #[tokio::test]
 async fn an_uncertain_start_reaches_more() {
     // Three states: 0.2 m beyond the end of driving straight, the end of driving straight with a
@@ -210,6 +235,14 @@ async fn reach_names_what_is_wrong() {
         ("/turn_rate", json!([0.5, -0.5]), "turn_rate: expected"),
         ("/turn_rate", json!([-90, 90]), "turn_rate: expected at most half a turn"),
         ("/speed", json!(0), "speed: expected a finite number > 0, found 0"),
+        ("/speed", json!("2"), "speed: expected a number or [lowest, highest], found \"2\""),
+        ("/speed", json!([1, 2, 3]), "speed"),
+        (
+            "/speed",
+            json!([2, 1]),
+            "speed: expected two finite speeds ≥ 0, the lower one first, found [2, 1]",
+        ),
+        ("/speed", json!([0, 0]), "speed: expected a finite number > 0, found 0"),
         // Values that are too large for any picture, or for double precision.
         ("/speed", json!(1e30), "speed: expected a speed that makes steps of 100 m"),
         ("/initial", json!([1e14, 0, 0]), "initial.x: expected a number from -1000000"),

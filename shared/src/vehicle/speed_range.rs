@@ -1,13 +1,14 @@
 //! Speeds that a vehicle can choose.
 
 use crate::invalid::{Invalid, positive};
+use core::fmt;
 
 /// The lowest and the highest speed of a vehicle (m/s). Within a step, the speed can change at any time and
 /// by any amount within the range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedRange {
-    pub(super) lo_mps: f64,
-    pub(super) hi_mps: f64,
+    lo_mps: f64,
+    hi_mps: f64,
 }
 
 impl SpeedRange {
@@ -25,7 +26,10 @@ impl SpeedRange {
     }
 
     /// Checks a range, which can come from a number.
-    pub(super) fn check(self) -> Result<(), Invalid> {
+    ///
+    /// # Errors
+    /// The errors of [`Self::new`].
+    pub fn check(self) -> Result<(), Invalid> {
         let Self { lo_mps, hi_mps } = self;
         if lo_mps.is_nan() || lo_mps < 0.0 && lo_mps == hi_mps {
             positive("speed_mps", lo_mps)?;
@@ -56,6 +60,16 @@ impl SpeedRange {
 impl From<f64> for SpeedRange {
     fn from(speed_mps: f64) -> Self {
         Self { lo_mps: speed_mps, hi_mps: speed_mps }
+    }
+}
+
+/// Formats the range as `2 m/s` or `1 to 3 m/s`.
+impl fmt::Display for SpeedRange {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.is_constant() {
+            write!(out, "{} to ", self.lo_mps)?;
+        }
+        write!(out, "{} m/s", self.hi_mps)
     }
 }
 
