@@ -1,7 +1,7 @@
 //! Recordings of a canvas, as WebM files.
 
 use super::files;
-use js_sys::{Array, Promise, Reflect};
+use js_sys::{Array, Promise, Reflect, Uint8Array};
 use std::cell::Cell;
 use std::rc::Rc;
 use wasm_bindgen::prelude::*;
@@ -57,6 +57,7 @@ impl Film {
         let recorder =
             MediaRecorder::new_with_media_stream_and_media_recorder_options(&stream, &options)?;
 
+        let ended = Rc::new(ended);
         let parts = Array::new();
         let kept = parts.clone();
         let take = Closure::<dyn FnMut(BlobEvent)>::new(move |event: BlobEvent| {
@@ -68,8 +69,15 @@ impl Film {
             let kind = BlobPropertyBag::new();
             kind.set_type(WEBM);
             let film = Blob::new_with_blob_sequence_and_options(&parts, &kind);
-            let film = film.ok().filter(|film| film.size() > 0.0);
-            ended(film.ok_or_else(|| "The browser recorded nothing.".to_owned()));
+            let ended = Rc::clone(&ended);
+            super::background(async move {
+                ended(match film {
+                    Ok(film) if has_frames(&film).await => Ok(film),
+                    _ => {
+                        Err("The browser was too busy to record a frame. Record again.".to_owned())
+                    }
+                });
+            });
         });
         recorder.set_ondataavailable(Some(take.as_ref().unchecked_ref()));
         recorder.set_onstop(Some(end.as_ref().unchecked_ref()));
@@ -86,6 +94,21 @@ impl Film {
             let _ = self.recorder.stop();
         }
     }
+}
+
+/// The element of a WebM file that contains frames.
+const CLUSTER: [u8; 4] = [0x1f, 0x43, 0xb6, 0x75];
+
+/// Length of the beginning of a file that contains the head of the first cluster (bytes). Before it, a
+/// recording has only its description, which is shorter than a kilobyte.
+const HEAD: f64 = 16_384.0;
+
+/// Whether a WebM file contains frames. A busy browser can encode none in a second, and then writes a file
+/// without them.
+async fn has_frames(film: &Blob) -> bool {
+    let Ok(head) = film.slice_with_f64_and_f64(0.0, HEAD) else { return false };
+    let Ok(bytes) = JsFuture::from(head.array_buffer()).await else { return false };
+    Uint8Array::new(&bytes).to_vec().windows(CLUSTER.len()).any(|id| id == CLUSTER)
 }
 
 impl Drop for Film {
