@@ -19,9 +19,10 @@
 //!
 //! # Model of the human
 //! The human is modelled as a Dubins car: a point that moves at constant speed v and turns at a
-//! rate of at most ω. Reachable sets, SHFRS and clearances hold only for this model, not for a
-//! human who stops or walks at another speed. Guarantees are calibrated on trajectories of this
-//! model. Recorded tracks of pedestrians do not follow it and are rejected
+//! rate of at most ω. SHFRS hold only for this model, not for a human who stops or walks at another speed.
+//! [Reachable sets](reach::ReachableSet) and [clearances](clearance::OnlinePredictor::with_speed) also allow a
+//! human who chooses the speed from a [range](vehicle::SpeedRange). Guarantees are calibrated on trajectories
+//! of constant speed. Recorded tracks of pedestrians do not follow it and are rejected
 //! ([`Trajectory::check`](shfrs::window::Trajectory::check)).
 //!
 //! # Features
@@ -49,6 +50,7 @@
 //! |---|---|
 //! | human, robot | the two vehicles; the human avoids the robot, which drives straight to its goal |
 //! | VehicleModel | speed and largest turn rate of a vehicle, a Dubins car |
+//! | SpeedRange | lowest and highest speed of a human who changes speed at any time |
 //! | Pose | position and heading of a vehicle |
 //! | JointState | the poses of human and robot at one instant |
 //! | TurnInput | the held key: Right −ω, Straight 0, Left +ω |

@@ -4,6 +4,9 @@
 //! There is no grid and no level set: by Pontryagin's principle the boundary of the set
 //! consists of a few families of explicit paths ([`ReachableSet`], `boundary`).
 //!
+//! There are no extremals for speeds from a [range](crate::vehicle::SpeedRange). Then every polygon is
+//! constructed like a conservative one, within the accuracy.
+//!
 //! By default, a polygon follows the boundary of the set within the requested accuracy, on either side
 //! of it. A [conservative](PolygonSettings::conservative) polygon encloses the set (`outer`). The
 //! start can be uncertain ([`StartSet`]). [`ReachableSet::contains_state`] decides without polygons
@@ -21,7 +24,8 @@
 //!
 //! For all accepted bounds, [`ReachableSet::contains_state`] is true for every state that an admissible
 //! path reaches within the tolerance. It is also true for an unreachable state if no proof was found that
-//! this state is outside. [`ReachableSet::state_membership`] distinguishes the two cases.
+//! this state is outside. [`ReachableSet::state_membership`] distinguishes the two cases. With speeds from a
+//! range, no state is found inside: it is either outside or open.
 //!
 //! Polygons that are not conservative follow the boundary within the accuracy if their
 //! [margin](Outline::Refined) is 0:
@@ -29,8 +33,8 @@
 //!   quarter turn of each other (15 steps of 0.2 s at ±0.5 rad/s). It is proven that these extremals
 //!   bound the tube. There is no proof that they also bound the set after a step, but tests measure
 //!   this (`shared/tests/reach/closeness.rs`, `promises.rs`).
-//! * Otherwise, and where the bounds narrowly forbid driving straight, polygons are constructed like
-//!   conservative ones but without the margin. It is proven that they miss no position by more than
+//! * Otherwise, where the bounds narrowly forbid driving straight, and for speeds from a range, polygons are
+//!   constructed like conservative ones but without the margin. It is proven that they miss no position by more than
 //!   the accuracy. At sharp corners they can extend beyond the set by a few times the accuracy.
 //!
 //! With large turns per step, many steps or a high accuracy, the work can exceed its limit. The polygon
