@@ -29,6 +29,9 @@ use crate::vehicles::SceneParameters;
 /// tau, steps : float and int, optional
 ///     Instead of `k`: a probability threshold in (0, 1], and the number of future steps. An action counts if
 ///     its probability is at least min(tau, the largest probability).
+/// q : array of float64, shape (T,), optional
+///     Instead of `k`: at each future step, the turn rates in the shortest interval with at least this
+///     probability count, in (0, 1]. Only `q` is possible for an `ActionModel` with `bins`.
 /// rollout : {"base", "paper"}
 ///     Which bounds the simulations within Algorithm 1 follow: the bounds before widening by ε ("base"), or
 ///     the bounds of F_1 ("paper").
@@ -42,7 +45,7 @@ use crate::vehicles::SceneParameters;
 /// lo, hi : array of float64, shape (m, T)
 ///     Lowest and highest turn rate (rad/s, left positive).
 #[pyfunction]
-#[pyo3(signature = (history, model, epsilon, k=None, *, tau=None, steps=None, rollout="base", parameters=None, safety=None))]
+#[pyo3(signature = (history, model, epsilon, k=None, *, tau=None, steps=None, q=None, rollout="base", parameters=None, safety=None))]
 #[allow(clippy::too_many_arguments, reason = "most are optional, and Python names them")]
 pub(crate) fn bounds<'py>(
     history: &Bound<'py, PyAny>,
@@ -51,6 +54,7 @@ pub(crate) fn bounds<'py>(
     #[pyo3(from_py_with = some_wholes)] k: Option<Vec<i64>>,
     #[pyo3(from_py_with = some_real)] tau: Option<f64>,
     #[pyo3(from_py_with = some_whole)] steps: Option<i64>,
+    q: Option<&Bound<'py, PyAny>>,
     rollout: &str,
     parameters: Option<SceneParameters>,
     safety: Option<SafetyLevels>,
@@ -60,7 +64,7 @@ pub(crate) fn bounds<'py>(
     let epsilon = list("epsilon", epsilon)?;
     let parameters = parameters.unwrap_or_default().0;
     let human = Human::new(model, &parameters, safety)?;
-    let choice = choice(k, tau, steps)?;
+    let choice = choice(k, tau, q, steps)?;
     let settings = BoundsSettings::new(epsilon, choice, rolled_out(rollout)?, human.actions())?;
     let found = human
         .work(py, |learned| input_bounds(&history, &parameters, learned, |_| 0.0, &settings))?;
@@ -78,32 +82,30 @@ pub(crate) fn stacked<'py, 'a>(
     Ok((shaped(py, lo, &shape)?, shaped(py, hi, &shape)?))
 }
 
-/// The rule that selects actions: `k`, or `tau` together with a number of `steps`.
+/// The rule that selects actions: `k`, `q`, or `tau` together with a number of `steps`.
 pub(crate) fn choice(
     k: Option<Vec<i64>>,
     tau: Option<f64>,
+    q: Option<&Bound<'_, PyAny>>,
     steps: Option<i64>,
 ) -> Result<ActionChoice, Error> {
     let steps = steps.map(|steps| count("steps", 1, steps)).transpose()?;
-    let choice = match (k, tau) {
-        (Some(_), Some(tau)) => return Err(Invalid::new("tau", "none beside k", tau).into()),
-        (None, None) => return Err(Invalid::new("k", "a list, or tau instead", "neither").into()),
-        (Some(k), None) => {
-            let each = |(i, k)| count(&format!("k[{i}]"), 1, k);
-            let k: Vec<usize> = k.into_iter().enumerate().map(each).collect::<Result<_, _>>()?;
-            if let Some(steps) = steps.filter(|&steps| steps != k.len()) {
-                let expected = format!("{} as k has, or None", k.len());
-                return Err(Invalid::new("steps", expected, steps).into());
-            }
-            ActionChoice::TopK(k)
-        }
-        (None, Some(tau)) => {
-            let steps = steps.ok_or_else(|| {
-                Invalid::new("steps", "the number of coming steps, with tau", "None")
-            })?;
-            ActionChoice::Adaptive { tau, steps }
-        }
+    let each = |(i, k)| count(&format!("k[{i}]"), 1, k);
+    let k = k.map(|k| k.into_iter().enumerate().map(each).collect::<Result<Vec<_>, _>>());
+    let (k, q) = (k.transpose()?, q.map(|q| list("q", q)).transpose()?);
+    let listed = [k.as_ref().map(|k| ("k", k.len())), q.as_ref().map(|q| ("q", q.len()))];
+    let found = listed.into_iter().flatten().next();
+    if let (Some((name, length)), Some(steps)) = (found, steps)
+        && steps != length
+    {
+        let expected = format!("{length} as {name} has, or None");
+        return Err(Invalid::new("steps", expected, steps).into());
+    }
+    let Some(steps) = found.map(|(_, length)| length).or(steps).or(tau.is_none().then_some(1))
+    else {
+        return Err(Invalid::new("steps", "the number of coming steps, with tau", "None").into());
     };
+    let choice = ActionChoice::of_file(steps, k.as_deref(), tau, q.as_deref())?;
     few_steps("steps", choice.steps())?;
     Ok(choice)
 }

@@ -3,7 +3,8 @@
 use std::sync::{Mutex, PoisonError};
 
 use pyo3::prelude::*;
-use sidestep::bounds;
+use pyo3::types::PyDict;
+use sidestep::bounds::{self, ActionSpace};
 use sidestep::invalid::Invalid;
 use sidestep::safety;
 use sidestep::scene::{self, JointState};
@@ -12,6 +13,7 @@ use sidestep::shfrs::PredictedHuman;
 use crate::arrays::{list, states_array};
 use crate::error::Error;
 use crate::function::{SafetyLevels, levels};
+use crate::kept::New;
 use crate::predictor::Predictor;
 use crate::vehicles::SceneParameters;
 
@@ -23,54 +25,85 @@ use crate::vehicles::SceneParameters;
 /// Parameters
 /// ----------
 /// actions : array of float64, shape (n,)
-///     The turn rate of each action (rad/s, left positive).
+///     The turn rate of each action (rad/s, left positive). With `bins`, the n edges of n − 1 bins, ascending.
 /// probabilities : callable
 ///     Called as `probabilities(history)`. `history` has the joint states since the start of the trial,
 ///     including predicted ones, as an array of shape (t, 2, 3). Returns the probability of each action,
-///     shape (n,). The result must depend only on the states.
+///     shape (n,), or of each bin, shape (n − 1,). The result must depend only on the states.
+/// bins : bool
+///     Whether the human chooses any turn rate of a range. Within a bin, all turn rates are equally probable. A
+///     bin between two equal edges is a single turn rate, such as 0. Sets then need `q` instead of `k` or `tau`.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct ActionModel {
     actions: Vec<f64>,
+    bins: bool,
     probabilities: Py<PyAny>,
 }
 
 #[pymethods]
 impl ActionModel {
     #[new]
-    fn new(actions: &Bound<'_, PyAny>, probabilities: Py<PyAny>) -> Result<Self, Error> {
+    #[pyo3(signature = (actions, probabilities, *, bins=false))]
+    fn new(
+        actions: &Bound<'_, PyAny>,
+        probabilities: Py<PyAny>,
+        bins: bool,
+    ) -> Result<Self, Error> {
         let py = actions.py();
         let actions = list("actions", actions)?;
-        if actions.is_empty() {
-            return Err(Invalid::new("actions", "at least one action", "none").into());
-        }
+        let model = Self { actions, bins, probabilities };
+        model.space().check().map_err(|invalid| {
+            let field = invalid.field.replace("edges", "actions");
+            Invalid { field, ..invalid }
+        })?;
+        let probabilities = &model.probabilities;
         if !probabilities.bind(py).is_callable() {
             let found = probabilities.bind(py).get_type();
             return Err(Invalid::new("probabilities", "a callable", found).into());
         }
-        Ok(Self { actions, probabilities })
+        Ok(model)
     }
 
-    /// The turn rate of each action (rad/s).
+    /// The turn rate of each action, or the edges of bins (rad/s).
     #[getter]
     fn actions(&self) -> Vec<f64> {
         self.actions.clone()
     }
 
+    /// Whether `actions` are the edges of bins.
+    #[getter]
+    fn bins(&self) -> bool {
+        self.bins
+    }
+
     /// Whether the turn rates are the same and Python considers the functions equal.
     fn __eq__(&self, py: Python<'_>, other: &Self) -> PyResult<bool> {
-        Ok(self.actions == other.actions && self.probabilities.bind(py).eq(&other.probabilities)?)
+        let same = self.space() == other.space();
+        Ok(same && self.probabilities.bind(py).eq(&other.probabilities)?)
     }
 
     fn __hash__(&self) -> usize {
         self.actions.len()
     }
 
-    fn __getnewargs__(&self, py: Python<'_>) -> (Vec<f64>, Py<PyAny>) {
-        (self.actions.clone(), self.probabilities.clone_ref(py))
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<New<'py, (Vec<f64>, Py<PyAny>)>> {
+        let named = PyDict::new(py);
+        named.set_item("bins", self.bins)?;
+        Ok(((self.actions.clone(), self.probabilities.clone_ref(py)), named))
     }
 
     fn __repr__(&self) -> String {
-        format!("ActionModel(actions={:?}, …)", self.actions)
+        let bins = if self.bins { ", bins=True" } else { "" };
+        format!("ActionModel(actions={:?}, …{bins})", self.actions)
+    }
+}
+
+impl ActionModel {
+    fn space(&self) -> ActionSpace<'_> {
+        match self.bins {
+            true => ActionSpace::Bins(&self.actions),
+            false => ActionSpace::Levels(&self.actions),
+        }
     }
 }
 
@@ -213,10 +246,10 @@ enum G<'a> {
 }
 
 impl bounds::ActionModel for Learned<'_> {
-    fn actions(&self) -> &[f64] {
+    fn actions(&self) -> ActionSpace<'_> {
         match &self.model {
             G::Trained(human) => bounds::ActionModel::actions(human),
-            G::Own(model) => &model.actions,
+            G::Own(model) => model.space(),
         }
     }
 
@@ -242,7 +275,8 @@ fn ask(model: &ActionModel, history: &[JointState], out: &mut [f64]) -> Result<(
         let answer = model.probabilities.bind(py).call1((states_array(py, history)?,))?;
         let found = list("probabilities", &answer)?;
         if found.len() != out.len() {
-            let expected = format!("{} numbers, one for each action", out.len());
+            let each = if model.bins { "bin" } else { "action" };
+            let expected = format!("{} numbers, one for each {each}", out.len());
             return Err(Invalid::new("probabilities", expected, found.len()).into());
         }
         out.copy_from_slice(&found);

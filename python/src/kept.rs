@@ -7,7 +7,7 @@ use pyo3::types::PyDict;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use sidestep::bounds::{ActionChoice, Rollout};
 use sidestep::document::from_json;
-use sidestep::invalid::{Invalid, length};
+use sidestep::invalid::Invalid;
 use sidestep::predict::PredictorFile;
 use sidestep::scene;
 
@@ -30,6 +30,8 @@ pub(crate) struct SettingsFile {
     k: Option<Vec<usize>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     tau: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    q: Option<Vec<f64>>,
     #[serde(default = "base")]
     pub(crate) rollout: Rollout,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -49,29 +51,17 @@ fn base() -> Rollout {
 }
 
 impl SettingsFile {
-    /// Creates the file for this choice of actions, `k` or `tau`, with default settings for polygons.
-    pub(crate) fn new(
-        epsilon: Vec<f64>,
-        k: Option<Vec<usize>>,
-        tau: Option<f64>,
-        steps: usize,
-        rollout: Rollout,
-    ) -> Self {
-        let format = SettingsFormat::V1;
-        Self { format, steps, epsilon, k, tau, rollout, accuracy_m: None, by_step: false }
+    /// Creates the file for this choice of actions, with default settings for polygons.
+    pub(crate) fn new(epsilon: Vec<f64>, choice: &ActionChoice, rollout: Rollout) -> Self {
+        let (format, steps) = (SettingsFormat::V1, choice.steps());
+        let (k, tau, q) = choice.in_file();
+        Self { format, steps, epsilon, k, tau, q, rollout, accuracy_m: None, by_step: false }
     }
 
     /// The rule that selects actions.
     pub(crate) fn choice(&self) -> Result<ActionChoice, Invalid> {
-        match (&self.k, self.tau) {
-            (Some(k), None) => {
-                length("k", self.steps, k.len())?;
-                Ok(ActionChoice::TopK(k.clone()))
-            }
-            (None, Some(tau)) => Ok(ActionChoice::Adaptive { tau, steps: self.steps }),
-            (Some(_), Some(tau)) => Err(Invalid::new("tau", "none beside k", tau)),
-            (None, None) => Err(Invalid::new("k", "a list, or tau instead", "neither")),
-        }
+        let Self { steps, k, tau, q, .. } = self;
+        ActionChoice::of_file(*steps, k.as_deref(), *tau, q.as_deref())
     }
 }
 

@@ -35,6 +35,10 @@ use crate::scalars::{real, some_real, some_whole, some_wholes};
 /// tau, steps : float and int, optional
 ///     Instead of `k`: a probability threshold in (0, 1], and the number of future steps. An action counts if
 ///     its probability is at least min(tau, the largest probability).
+/// q : array of float64, shape (T,), optional
+///     Instead of `k`: at each future step, the turn rates in the shortest interval with at least this
+///     probability count, in (0, 1]. Of several equally short intervals, the most probable one counts, or all
+///     that are equally probable. Only `q` is possible for an `ActionModel` with `bins`.
 /// rollout : {"base", "paper"}
 ///     Which bounds the simulations within Algorithm 1 follow: the bounds before widening by ε ("base"), or
 ///     the bounds of F_1 ("paper").
@@ -55,17 +59,19 @@ pub(crate) struct ShfrsSettings {
 #[pymethods]
 impl ShfrsSettings {
     #[new]
-    #[pyo3(signature = (epsilon, k=None, *, tau=None, steps=None, rollout="base", accuracy_m=1e-3, by_step=false))]
+    #[pyo3(signature = (epsilon, k=None, *, tau=None, steps=None, q=None, rollout="base", accuracy_m=1e-3, by_step=false))]
+    #[allow(clippy::too_many_arguments, reason = "most are optional, and Python names them")]
     fn new(
         epsilon: &Bound<'_, PyAny>,
         #[pyo3(from_py_with = some_wholes)] k: Option<Vec<i64>>,
         #[pyo3(from_py_with = some_real)] tau: Option<f64>,
         #[pyo3(from_py_with = some_whole)] steps: Option<i64>,
+        q: Option<&Bound<'_, PyAny>>,
         rollout: &str,
         #[pyo3(from_py_with = real)] accuracy_m: f64,
         by_step: bool,
     ) -> Result<Self, Error> {
-        let (epsilon, choice) = (list("epsilon", epsilon)?, choice(k, tau, steps)?);
+        let (epsilon, choice) = (list("epsilon", epsilon)?, choice(k, tau, q, steps)?);
         drawn(accuracy_m, false)?;
         let settings = Self { epsilon, choice, rollout: rolled_out(rollout)?, accuracy_m, by_step };
         // The number of actions is unknown here and does not limit k.
@@ -121,16 +127,22 @@ impl ShfrsSettings {
         self.epsilon.clone().into_pyarray(py)
     }
 
-    /// How many of the most probable actions count at each future step. `None` with `tau`.
+    /// How many of the most probable actions count at each future step. `None` with `tau` or `q`.
     #[getter]
     fn k(&self) -> Option<Vec<usize>> {
-        if let ActionChoice::TopK(k) = &self.choice { Some(k.clone()) } else { None }
+        self.choice.in_file().0
     }
 
-    /// The probability threshold for actions, as in the parameter `tau`. `None` with `k`.
+    /// The probability threshold for actions, as in the parameter `tau`. `None` with `k` or `q`.
     #[getter]
     fn tau(&self) -> Option<f64> {
-        if let ActionChoice::Adaptive { tau, .. } = self.choice { Some(tau) } else { None }
+        self.choice.in_file().1
+    }
+
+    /// The probability of the shortest interval of turn rates at each future step. `None` with `k` or `tau`.
+    #[getter]
+    fn q(&self) -> Option<Vec<f64>> {
+        self.choice.in_file().2
     }
 
     /// Number of future steps, T.
@@ -174,6 +186,7 @@ impl ShfrsSettings {
         let named = PyDict::new(py);
         named.set_item("k", self.k())?;
         named.set_item("tau", self.tau())?;
+        named.set_item("q", self.q())?;
         named.set_item("steps", self.steps())?;
         named.set_item("rollout", self.rollout())?;
         named.set_item("accuracy_m", self.accuracy_m)?;
@@ -217,8 +230,7 @@ impl ShfrsSettings {
 
     /// The content of the settings' file.
     pub(crate) fn file(&self) -> SettingsFile {
-        let (epsilon, steps) = (self.epsilon.clone(), self.steps());
-        let mut file = SettingsFile::new(epsilon, self.k(), self.tau(), steps, self.rollout);
+        let mut file = SettingsFile::new(self.epsilon.clone(), &self.choice, self.rollout);
         file.accuracy_m = (self.accuracy_m != USUAL_ACCURACY_M).then_some(self.accuracy_m);
         file.by_step = self.by_step;
         file

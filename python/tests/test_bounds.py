@@ -62,6 +62,60 @@ def test_a_trained_model_and_a_function_agree(people):
         assert trained[0].shape == (2, 4)
 
 
+def below(edges, masses, rate, with_rate):
+    """The probability of turn rates below a rate, and of this rate itself if it is to count."""
+    total = 0.0
+    for from_, to, mass in zip(edges, edges[1:], masses):
+        if to > from_:
+            total += mass * np.clip((rate - from_) / (to - from_), 0, 1)
+        elif from_ < rate or (with_rate and from_ == rate):
+            total += mass
+    return total
+
+
+def least_length(edges, masses, q):
+    """The length of the shortest interval with probability q, tried on a fine grid of both ends."""
+    grid = np.linspace(-0.5, 0.5, 1001)
+    upper, lower = (np.array([below(edges, masses, rate, with_it) for rate in grid]) for with_it in (True, False))
+    lengths = [grid[np.argmax(upper - least >= q - 1e-9)] - rate for rate, least in zip(grid, lower) if upper[-1] - least >= q - 1e-9]
+    return min(lengths)
+
+
+def test_a_model_of_a_range_of_turn_rates(rng):
+    now = [[[0, 0, 0], [12, 0, 3]]]
+    for _ in range(12):
+        inner = np.round(np.sort(rng.uniform(-0.5, 0.5, 3)), 3)
+        edges = [-0.5, -0.5, *inner, 0.5, 0.5]
+        masses = rng.dirichlet(np.ones(len(edges) - 1))
+        model = sidestep.ActionModel(edges, lambda history, masses=masses: masses, bins=True)
+        q = rng.uniform(0.3, 1, 4)
+        lo, hi = sidestep.bounds(now, model, [0.0, 1.0], q=q)
+        for step, each in enumerate(q):
+            from_, to = lo[0, step], hi[0, step]
+            probability = below(edges, masses, to + 1e-9, True) - below(edges, masses, from_ - 1e-9, False)
+            length = least_length(edges, masses, each)
+            assert probability >= each - 1e-6 and to - from_ >= length - 2.1e-3
+            # It is longer only if it surrounds several equally short intervals, as within a bin.
+            assert to - from_ <= length + 1e-6 or probability > each + 1e-6
+        np.testing.assert_array_equal([lo[1], hi[1]], [[-0.5] * 4, [0.5] * 4])
+    # Sets and calibrations take the same model and q.
+    settings = sidestep.ShfrsSettings([0.0, 1.0], q=[0.9, 0.6, 0.6])
+    assert (settings.q, settings.k, settings.tau, settings.steps) == ([0.9, 0.6, 0.6], None, None, 3)
+    prediction = sidestep.ShfrsPredictor(model, settings).predict(now)
+    assert 0 < prediction.areas_m2[0] < prediction.areas_m2[1]
+    for wrong, said in (
+        (lambda: sidestep.bounds(now, model, [0.0], [1]), "choice: expected q, as the model has a range of turn rates"),
+        (lambda: sidestep.ActionModel([0.1, 0.0], len, bins=True), r"actions\[1\]: expected 0.1 rad/s or more"),
+        (lambda: sidestep.ActionModel([0.1], len, bins=True), "actions: expected at least two edges, found one"),
+        (lambda: sidestep.ActionModel([], len), "actions: expected at least one action, found none"),
+        (lambda: sidestep.ShfrsSettings([0.0], q=[0.0]), r"q\[0\]: expected a number in \(0, 1\], found 0"),
+        (lambda: sidestep.ShfrsSettings([0.0], [1], q=[0.5]), "q: expected none beside k"),
+        (lambda: sidestep.ShfrsSettings([0.0], q=[0.5], steps=2), "steps: expected 1 as q has, or None, found 2"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            wrong()
+
+
 def test_the_function_sees_every_state(people):
     history, seen = people[0][0].states[:6], []
 

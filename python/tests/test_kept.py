@@ -54,6 +54,8 @@ def examples(people, unequal, unequal_scene):
         trajectories[0],
         WIDE,
         sidestep.ShfrsSettings([0.1], tau=0.2, steps=4, rollout="paper"),
+        sidestep.ShfrsSettings([0.1], q=[0.9, 0.8]),
+        sidestep.ActionModel([-0.5, 0.0, 0.0, 0.5], turns, bins=True),
         predicted,
         own,
         calibration,
@@ -175,7 +177,12 @@ def test_a_calibration_of_safety_levels_is_loaded_with_them(people, unequal_scen
 
 def test_settings_are_files_of_the_laboratory(tmp_path):
     path = tmp_path / "shfrs-settings.json"
-    for settings in (WIDE, sidestep.ShfrsSettings.paper(), sidestep.ShfrsSettings([0.1], tau=0.2, steps=4, rollout="paper")):
+    for settings in (
+        WIDE,
+        sidestep.ShfrsSettings.paper(),
+        sidestep.ShfrsSettings([0.1], tau=0.2, steps=4, rollout="paper"),
+        sidestep.ShfrsSettings([0.1], q=[0.9, 0.8]),
+    ):
         settings.save(path)
         assert sidestep.ShfrsSettings.load(path) == settings
     sidestep.ShfrsSettings.paper().save(path)
@@ -186,7 +193,7 @@ def test_settings_are_files_of_the_laboratory(tmp_path):
     for text, complaint in (
         ('{"format":"sidestep-shfrs/2","steps":1,"epsilon":[0],"k":[1]}', r"settings\.format"),
         ('{"format":"sidestep-shfrs/1","steps":2,"epsilon":[0],"k":[1]}', r"settings\.k: expected 2 entries, found 1"),
-        ('{"format":"sidestep-shfrs/1","steps":1,"epsilon":[0]}', r"settings\.k: expected a list, or tau instead"),
+        ('{"format":"sidestep-shfrs/1","steps":1,"epsilon":[0]}', r"settings\.k: expected a list, or tau or q instead"),
         ('{"format":"sidestep-shfrs/1","steps":1,"epsilon":[0.2,0.1],"k":[1]}', r"settings\.epsilon\[1\]"),
         ('{"format":"sidestep-shfrs/1","steps":1,"epsilon":[0],"k":[1],"accuracy_m":9}', r"settings\.accuracy_m"),
         ('{"format":"sidestep-shfrs/1","steps":1,"epsilon":[0],"k":[1],"more":9}', "settings"),

@@ -2,7 +2,7 @@
 //! with a custom model. `cargo run --release -p sidestep --example online`.
 #![allow(clippy::print_stdout, reason = "it shows the sets")]
 
-use sidestep::bounds::ActionModel;
+use sidestep::bounds::{ActionModel, ActionSpace};
 use sidestep::invalid::Invalid;
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::{ShfrsPredictor, ShfrsSettings};
@@ -12,8 +12,8 @@ use sidestep::vehicle::{Pose, dubins};
 struct Shy;
 
 impl ActionModel for Shy {
-    fn actions(&self) -> &[f64] {
-        &[-0.5, 0.0, 0.5] // rad/s
+    fn actions(&self) -> ActionSpace<'_> {
+        ActionSpace::Levels(&[-0.5, 0.0, 0.5]) // rad/s
     }
 
     fn probabilities(&self, history: &[JointState], out: &mut [f64]) {

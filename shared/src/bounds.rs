@@ -1,8 +1,10 @@
 //! Time-varying bounds on the human's turn rate (the paper, Definition 1 and
 //! Algorithm 1).
 
+mod action_space;
 mod algorithm_1;
 
+pub use action_space::ActionSpace;
 pub use algorithm_1::{Algorithm1, PredictedBounds, input_bounds};
 
 use crate::invalid::{Invalid, length, positive};
@@ -88,17 +90,17 @@ fn check_range(field: &str, (low, high): (f64, f64)) -> Result<(), Invalid> {
 /// The learned function G: the probability of each human action, given the joint states so far.
 /// It must be deterministic.
 pub trait ActionModel {
-    /// The turn rate of each action (rad/s), in any order. There is at least one action.
-    fn actions(&self) -> &[f64];
+    /// The actions: turn rates, or bins of a range of turn rates (rad/s). There is at least one.
+    fn actions(&self) -> ActionSpace<'_>;
 
-    /// Writes the probability of each action to `out`. `history` contains every joint state since
+    /// Writes the probability of each action or bin to `out`. `history` contains every joint state since
     /// the beginning of the trial, including predicted states. It ends with the state in which the
     /// action is taken and is never empty.
     fn probabilities(&self, history: &[JointState], out: &mut [f64]);
 }
 
 impl<M: ActionModel + ?Sized> ActionModel for &M {
-    fn actions(&self) -> &[f64] {
+    fn actions(&self) -> ActionSpace<'_> {
         (**self).actions()
     }
 
@@ -163,20 +165,64 @@ pub enum ActionChoice {
         /// Number of future steps.
         steps: usize,
     },
+    /// The turn rates in the shortest interval that holds at least the probability q at each future step,
+    /// in (0, 1]. Of several equally short ones, the most probable one, and of several equally probable ones,
+    /// all. The other two rules are for [levels](ActionSpace::Levels); this one is also for a range of turn
+    /// rates.
+    Interval(Vec<f64>),
 }
 
 impl ActionChoice {
+    /// The rule of a file, which has exactly one of `k`, `tau` and `q`. `k` and `q` have an entry for each of
+    /// the `steps` future steps.
+    ///
+    /// # Errors
+    /// [`Invalid`] that names the field if none or several are given, or a list has another length.
+    pub fn of_file(
+        steps: usize,
+        k: Option<&[usize]>,
+        tau: Option<f64>,
+        q: Option<&[f64]>,
+    ) -> Result<Self, Invalid> {
+        match (k, tau, q) {
+            (Some(_), Some(tau), _) => Err(Invalid::new("tau", "none beside k", tau)),
+            (Some(_), None, Some(_)) => Err(Invalid::new("q", "none beside k", "both")),
+            (None, Some(_), Some(_)) => Err(Invalid::new("q", "none beside tau", "both")),
+            (None, None, None) => Err(Invalid::new("k", "a list, or tau or q instead", "neither")),
+            (Some(k), None, None) => {
+                length("k", steps, k.len())?;
+                Ok(Self::TopK(k.to_vec()))
+            }
+            (None, Some(tau), None) => Ok(Self::Adaptive { tau, steps }),
+            (None, None, Some(q)) => {
+                length("q", steps, q.len())?;
+                Ok(Self::Interval(q.to_vec()))
+            }
+        }
+    }
+
+    /// `k`, `tau` and `q` of a file: the one that [`Self::of_file`] reads as this rule.
+    #[must_use]
+    pub fn in_file(&self) -> (Option<Vec<usize>>, Option<f64>, Option<Vec<f64>>) {
+        match self {
+            Self::TopK(k) => (Some(k.clone()), None, None),
+            Self::Adaptive { tau, .. } => (None, Some(*tau), None),
+            Self::Interval(q) => (None, None, Some(q.clone())),
+        }
+    }
+
     /// Number of future steps, T.
     #[must_use]
     pub fn steps(&self) -> usize {
         match self {
             Self::TopK(k) => k.len(),
             Self::Adaptive { steps, .. } => *steps,
+            Self::Interval(q) => q.len(),
         }
     }
 }
 
-/// Formats the rule as `k = 3 3 2 1 …` or `τ = 0.1`.
+/// Formats the rule as `k = 3 3 2 1 …`, `τ = 0.1` or `q = 0.9 0.8 …`.
 impl fmt::Display for ActionChoice {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -185,6 +231,10 @@ impl fmt::Display for ActionChoice {
                 k.iter().try_for_each(|k| write!(out, " {k}"))
             }
             Self::Adaptive { tau, .. } => write!(out, "τ = {tau}"),
+            Self::Interval(q) => {
+                out.write_str("q =")?;
+                q.iter().try_for_each(|q| write!(out, " {q}"))
+            }
         }
     }
 }
@@ -273,6 +323,14 @@ impl BoundsSettings {
                     return Err(Invalid::new("steps", "at least 1", steps));
                 }
             }
+            ActionChoice::Interval(q) => {
+                if q.is_empty() {
+                    return Err(Invalid::new("q", "at least one step", "none"));
+                }
+                if let Some(i) = q.iter().position(|q| !(*q > 0.0 && *q <= 1.0)) {
+                    return Err(Invalid::new(format!("q[{i}]"), "a number in (0, 1]", q[i]));
+                }
+            }
         }
         Ok(Self { epsilon, choice, rollout, actions })
     }
@@ -328,6 +386,21 @@ mod tests {
         let tau = |tau| field(&[0.0], ActionChoice::Adaptive { tau, steps: 3 });
         assert!([0.0, 1.5, -1.0, f64::NAN].into_iter().all(|t| tau(t) == "tau"));
         assert_eq!(field(&[0.0], ActionChoice::Adaptive { tau: 0.5, steps: 0 }), "steps");
+        assert_eq!(field(&[0.0], ActionChoice::Interval(vec![])), "q");
+        assert_eq!(field(&[0.0], ActionChoice::Interval(vec![0.9, 1.1])), "q[1]");
+        assert_eq!(field(&[0.0], ActionChoice::Interval(vec![f64::NAN])), "q[0]");
+        let given = |k: Option<&[usize]>, tau, q: Option<&[f64]>| {
+            ActionChoice::of_file(2, k, tau, q).map_err(|invalid| invalid.field)
+        };
+        assert_eq!(
+            given(None, None, Some(&[0.9, 0.8])),
+            Ok(ActionChoice::Interval(vec![0.9, 0.8]))
+        );
+        assert_eq!(given(Some(&[1, 1]), None, Some(&[0.9, 0.8])), Err("q".to_owned()));
+        assert_eq!(given(None, Some(0.1), Some(&[0.9, 0.8])), Err("q".to_owned()));
+        assert_eq!(given(Some(&[1, 1]), Some(0.1), None), Err("tau".to_owned()));
+        assert_eq!(given(None, None, Some(&[0.9])), Err("q".to_owned()));
+        assert_eq!(given(None, None, None), Err("k".to_owned()));
         let none = BoundsSettings::new(vec![0.0], ActionChoice::TopK(vec![1]), Rollout::Base, 0);
         assert_eq!(none.unwrap_err().field, "actions");
     }

@@ -96,15 +96,17 @@
 //! the next two seconds? Algorithm 1 gives bounds on the turn rate; [`reach`] computes the exact set
 //! under them.
 //! ```
-//! use sidestep::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout, input_bounds};
+//! use sidestep::bounds::{
+//!     ActionChoice, ActionModel, ActionSpace, BoundsSettings, Rollout, input_bounds,
+//! };
 //! use sidestep::reach::{PolygonSettings, ReachableSet, Tolerance};
 //! use sidestep::scene::{JointState, SceneParameters};
 //! use sidestep::vehicle::Pose;
 //!
 //! struct Dancer;
 //! impl ActionModel for Dancer {
-//!     fn actions(&self) -> &[f64] {
-//!         &[-0.5, 0.0, 0.5] // rad/s
+//!     fn actions(&self) -> ActionSpace<'_> {
+//!         ActionSpace::Levels(&[-0.5, 0.0, 0.5]) // rad/s
 //!     }
 //!     fn probabilities(&self, _history: &[JointState], out: &mut [f64]) {
 //!         out.copy_from_slice(&[0.0, 0.5, 0.5]);

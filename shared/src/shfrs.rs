@@ -21,7 +21,8 @@ pub mod tuning;
 mod redrawn;
 
 use crate::bounds::{
-    ActionChoice, ActionModel, Algorithm1, BoundsSettings, InputBounds, Motion, Rollout,
+    ActionChoice, ActionModel, ActionSpace, Algorithm1, BoundsSettings, InputBounds, Motion,
+    Rollout,
 };
 use crate::features::FEATURES;
 use crate::invalid::Invalid;
@@ -101,11 +102,11 @@ impl<'a> PredictedHuman<'a> {
 }
 
 impl ActionModel for PredictedHuman<'_> {
-    fn actions(&self) -> &[f64] {
-        match &self.actions {
+    fn actions(&self) -> ActionSpace<'_> {
+        ActionSpace::Levels(match &self.actions {
             Actions::Given(actions) => actions,
             Actions::OfTurns(rates, count) => &rates[..*count],
-        }
+        })
     }
 
     fn probabilities(&self, history: &[JointState], out: &mut [f64]) {

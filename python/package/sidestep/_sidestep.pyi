@@ -299,13 +299,17 @@ class Predictor:
 
 @final
 class ActionModel:
-    def __new__(cls, actions: ArrayLike, probabilities: Callable[[_Floats], ArrayLike]) -> Self: ...
+    def __new__(
+        cls, actions: ArrayLike, probabilities: Callable[[_Floats], ArrayLike], *, bins: bool = False
+    ) -> Self: ...
     @property
     def actions(self) -> list[float]: ...
+    @property
+    def bins(self) -> bool: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     def __hash__(self, /) -> int: ...
-    def __getnewargs__(self) -> tuple[list[float], Callable[[_Floats], ArrayLike]]: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[list[float], Callable[[_Floats], ArrayLike]], dict[str, bool]]: ...
 
 def features(
     history: ArrayLike,
@@ -322,6 +326,7 @@ def bounds(
     *,
     tau: float | None = None,
     steps: int | None = None,
+    q: ArrayLike | None = None,
     rollout: Literal["base", "paper"] = "base",
     parameters: SceneParameters | None = None,
     safety: SafetyLevels | None = None,
@@ -395,6 +400,7 @@ class ShfrsSettings:
         *,
         tau: float | None = None,
         steps: int | None = None,
+        q: ArrayLike | None = None,
         rollout: Literal["base", "paper"] = "base",
         accuracy_m: float = 0.001,
         by_step: bool = False,
@@ -412,6 +418,8 @@ class ShfrsSettings:
     def k(self) -> list[int] | None: ...
     @property
     def tau(self) -> float | None: ...
+    @property
+    def q(self) -> list[float] | None: ...
     @property
     def steps(self) -> int: ...
     @property

@@ -14,7 +14,7 @@ use sidestep::vehicle::Pose;
 /// {"human": [x, y, psi], "robot": [x, y, psi],
 /// "predictor": {… a predictor.json, which docs/predictor.md describes},
 /// "epsilon": [rad/s, one for each set, ascending],
-/// "k": [one for each step] or "tau": 0.1 with "steps": T,
+/// "k": [one for each step], "q": [one for each step] or "tau": 0.1 with "steps": T,
 /// "rollout": "paper" or "base", "speed": 2, "dt": 0.2, "turn_rate": [-0.5, 0.5]}.
 ///
 /// The robot is assumed to drive straight on. Fields with a default or another source are

@@ -34,6 +34,7 @@ struct Input {
     epsilon: Vec<f64>,
     k: Option<Vec<usize>>,
     tau: Option<f64>,
+    q: Option<Vec<f64>>,
     steps: Option<usize>,
     rollout: RolloutWord,
     speed: f64,
@@ -254,10 +255,11 @@ impl Problem {
         let human = PredictedHuman::within(predictor, safety, self.motion.human_turn_rate)?;
         let (least, most) = self.motion.human_turn_rate;
         if predictor.actions().is_none()
-            && let Some(a) = human.actions().iter().position(|rate| !(least..=most).contains(rate))
+            && let Some(a) =
+                human.actions().rates().iter().position(|rate| !(least..=most).contains(rate))
         {
             let expected = format!("classes whose turn rates are from {least} to {most} rad/s");
-            let found = format!("{} rad/s", human.actions()[a]);
+            let found = format!("{} rad/s", human.actions().rates()[a]);
             return Err(Invalid::new(format!("classes[{a}]"), expected, found));
         }
         let robot_drives_straight = |_: &[JointState]| 0.0;
@@ -304,24 +306,22 @@ pub(super) fn named(invalid: Invalid) -> Invalid {
 }
 
 fn choice(input: &Input) -> Result<ActionChoice, Invalid> {
-    let steps = input.k.as_ref().map(Vec::len).or(input.steps);
+    let lists = [("k", input.k.as_ref().map(Vec::len)), ("q", input.q.as_ref().map(Vec::len))];
+    let listed = lists.into_iter().find_map(|(name, length)| Some((name, length?)));
+    let steps = listed.map(|(_, length)| length).or(input.steps);
     if let Some(steps) = steps.filter(|steps| *steps > MOST_STEPS) {
-        let field = if input.k.is_some() { "k" } else { "steps" };
+        let field = listed.map_or("steps", |(name, _)| name);
         return Err(Invalid::new(field, format!("at most {MOST_STEPS} steps"), steps));
     }
-    match (&input.k, input.tau) {
-        (Some(k), None) => {
-            if let Some(steps) = input.steps.filter(|&steps| steps != k.len()) {
-                let expected = format!("{}, the length of k, or nothing", k.len());
-                return Err(Invalid::new("steps", expected, steps));
-            }
-            Ok(ActionChoice::TopK(k.clone()))
-        }
-        (None, Some(tau)) => {
-            let missing = || Invalid::new("steps", "a whole number ≥ 1, beside tau", "nothing");
-            Ok(ActionChoice::Adaptive { tau, steps: input.steps.ok_or_else(missing)? })
-        }
-        (Some(_), Some(_)) => Err(Invalid::new("tau", "nothing beside k", "both")),
-        (None, None) => Err(Invalid::new("k", "k, or tau with steps", "neither")),
+    if let (Some((name, length)), Some(steps)) = (listed, input.steps)
+        && steps != length
+    {
+        let expected = format!("{length}, the length of {name}, or nothing");
+        return Err(Invalid::new("steps", expected, steps));
     }
+    if steps.is_none() && input.tau.is_some() {
+        return Err(Invalid::new("steps", "a whole number ≥ 1, beside tau", "nothing"));
+    }
+    let steps = steps.unwrap_or(1);
+    ActionChoice::of_file(steps, input.k.as_deref(), input.tau, input.q.as_deref())
 }

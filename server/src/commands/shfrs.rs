@@ -68,9 +68,9 @@ pub struct ShfrsArgs {
     features: Vec<String>,
     /// Regions: JSON settings, as saved by the laboratory's explorer.
     ///
-    /// They replace --epsilon, --k, --tau, --steps and --rollout.
+    /// They replace --epsilon, --k, --tau, --q, --steps and --rollout.
     #[arg(long, value_name = "FILE.json")]
-    #[arg(conflicts_with_all = ["epsilon", "k", "tau", "steps", "rollout"])]
+    #[arg(conflicts_with_all = ["epsilon", "k", "tau", "q", "steps", "rollout"])]
     settings: Option<PathBuf>,
     /// Folder for the files; created if it does not exist.
     #[arg(long, value_name = "DIR")]
@@ -88,6 +88,12 @@ pub struct ShfrsArgs {
     /// Regions: actions with at least this probability, in (0, 1], instead of k.
     #[arg(long, value_name = "P", allow_negative_numbers = true)]
     tau: Option<f64>,
+    /// Regions: shortest interval of turn rates with at least this probability, in (0, 1], instead of k.
+    ///
+    /// One number for all steps, or one for each step ahead.
+    #[arg(long, value_name = "P,…", value_delimiter = ',', conflicts_with_all = ["k", "tau"])]
+    #[arg(allow_negative_numbers = true)]
+    q: Option<Vec<f64>>,
     /// Number of steps ahead, T.
     #[arg(long, value_name = "T", default_value_t = 10)]
     steps: usize,
@@ -275,7 +281,7 @@ impl ShfrsArgs {
         file.settings(usize::MAX).map_err(|invalid| document.complain(&invalid))?;
         self.steps = file.steps;
         (self.epsilon, self.rollout) = (file.epsilon, file.rollout);
-        (self.k, self.tau) = (file.k, file.tau);
+        (self.k, self.tau, self.q) = (file.k, file.tau, file.q);
         Ok(())
     }
 
@@ -336,15 +342,23 @@ impl ShfrsArgs {
 
     /// Settings of Algorithm 1 for the regions.
     fn bounds_settings(&self, actions: usize) -> Result<BoundsSettings, CommandError> {
-        let choice = match (&self.k, self.tau) {
-            (_, Some(tau)) => ActionChoice::Adaptive { tau, steps: self.steps },
-            (Some(k), None) if k.len() != self.steps => {
-                let (expected, found) = (self.steps, k.len());
-                let message = format!("--k: expected {expected} numbers (--steps), found {found}");
+        let q = self.q.as_ref().map(|q| match q[..] {
+            [same] => vec![same; self.steps],
+            _ => q.clone(),
+        });
+        let lists = [("k", self.k.as_ref().map(Vec::len)), ("q", q.as_ref().map(Vec::len))];
+        for (name, found) in lists.into_iter().filter_map(|(name, length)| Some((name, length?))) {
+            let expected = self.steps;
+            if found != expected {
+                let message =
+                    format!("--{name}: expected {expected} numbers (--steps), found {found}");
                 return Err(CommandError::Input(message));
             }
-            (Some(k), None) => ActionChoice::TopK(k.clone()),
-            (None, None) => evaluation::choice_of_the_paper(self.steps, actions),
+        }
+        let choice = match (&self.k, self.tau, &q) {
+            (None, None, None) => evaluation::choice_of_the_paper(self.steps, actions),
+            (k, tau, q) => ActionChoice::of_file(self.steps, k.as_deref(), *tau, q.as_deref())
+                .map_err(flagged)?,
         };
         BoundsSettings::new(self.epsilon.clone(), choice, self.rollout, actions).map_err(flagged)
     }

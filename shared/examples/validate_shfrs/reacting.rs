@@ -2,7 +2,7 @@
 //! any number of people can be generated.
 
 use rayon::prelude::*;
-use sidestep::bounds::{ActionChoice, ActionModel};
+use sidestep::bounds::{ActionChoice, ActionModel, ActionSpace};
 use sidestep::invalid::Invalid;
 use sidestep::math::{SeededRng, exp};
 use sidestep::scene::{JointState, SceneParameters};
@@ -26,8 +26,8 @@ pub(crate) struct Reacting {
 }
 
 impl ActionModel for Reacting {
-    fn actions(&self) -> &[f64] {
-        &ACTIONS
+    fn actions(&self) -> ActionSpace<'_> {
+        ActionSpace::Levels(&ACTIONS)
     }
 
     fn probabilities(&self, history: &[JointState], out: &mut [f64]) {

@@ -1,6 +1,7 @@
 //! Algorithm 1 of the paper.
 
-use super::{ActionChoice, ActionModel, BoundsSettings, InputBounds, Motion, Rollout};
+use super::action_space::ShortestInterval;
+use super::{ActionChoice, ActionModel, ActionSpace, BoundsSettings, InputBounds, Motion, Rollout};
 use crate::invalid::Invalid;
 use crate::scene::{JointState, SceneParameters};
 use crate::stats::rank::TIE;
@@ -130,7 +131,7 @@ pub fn input_bounds(
 fn check(
     history: &[JointState],
     motion: &Motion,
-    actions: &[f64],
+    actions: ActionSpace<'_>,
     settings: &BoundsSettings,
 ) -> Result<(), Invalid> {
     if history.is_empty() {
@@ -144,10 +145,20 @@ fn check(
         let expected = format!("{} actions, as in the settings", settings.actions);
         return Err(Invalid::new("actions", expected, actions.len()));
     }
+    let is_range = matches!(actions, ActionSpace::Bins(_));
+    if is_range {
+        actions.check()?;
+        if !matches!(settings.choice, ActionChoice::Interval(_)) {
+            let expected = "q, as the model has a range of turn rates";
+            return Err(Invalid::new("choice", expected, &settings.choice));
+        }
+    }
     let (least, most) = motion.human_turn_rate;
-    if let Some(a) = actions.iter().position(|rate| !(least..=most).contains(rate)) {
+    let rates = actions.rates();
+    if let Some(a) = rates.iter().position(|rate| !(least..=most).contains(rate)) {
         let expected = format!("a turn rate from {least} to {most} rad/s");
-        return Err(Invalid::new(format!("actions[{a}]"), expected, actions[a]));
+        let field = if is_range { "edges" } else { "actions" };
+        return Err(Invalid::new(format!("{field}[{a}]"), expected, rates[a]));
     }
     Ok(())
 }
@@ -184,6 +195,7 @@ const SUM_TOLERANCE: f64 = 1e-6;
 struct LikelyActions {
     probabilities: Vec<f64>,
     sorted: Vec<f64>,
+    shortest: ShortestInterval,
 }
 
 impl LikelyActions {
@@ -208,28 +220,29 @@ impl LikelyActions {
             let field = format!("probabilities of step {i}");
             return Err(Invalid::new(field, "numbers that sum to 1", total));
         }
-        let threshold = self.threshold(&settings.choice, i);
-        let likely = actions.iter().zip(&self.probabilities).filter(|&(_, &p)| p >= threshold);
+        let least = match &settings.choice {
+            ActionChoice::Interval(q) => {
+                return Ok(self.shortest.find(actions, &self.probabilities, q[i]));
+            }
+            ActionChoice::Adaptive { tau, .. } => {
+                tau.min(self.probabilities.iter().copied().fold(0.0, f64::max))
+            }
+            ActionChoice::TopK(k) => self.highest(k[i]),
+        };
+        // Rounding by a softmax or a file does not separate equal probabilities.
+        let threshold = least - TIE;
+        let rates = actions.rates().iter();
+        let likely = rates.zip(&self.probabilities).filter(|&(_, &p)| p >= threshold);
         let none = (f64::INFINITY, f64::NEG_INFINITY);
         Ok(likely.fold(none, |(lo, hi), (&rate, _)| (lo.min(rate), hi.max(rate))))
     }
 
-    /// The lowest probability of a likely action. It is reduced by [`TIE`], so that rounding
-    /// by a softmax or a file does not separate equal probabilities.
-    fn threshold(&mut self, choice: &ActionChoice, i: usize) -> f64 {
-        let least = match choice {
-            ActionChoice::Adaptive { tau, .. } => {
-                tau.min(self.probabilities.iter().copied().fold(0.0, f64::max))
-            }
-            ActionChoice::TopK(k) => {
-                self.sorted.clear();
-                self.sorted.extend_from_slice(&self.probabilities);
-                let (_, kth, _) =
-                    self.sorted.select_nth_unstable_by(k[i] - 1, |a, b| b.total_cmp(a));
-                *kth
-            }
-        };
-        least - TIE
+    /// The `k`-th highest probability, k ≥ 1.
+    fn highest(&mut self, k: usize) -> f64 {
+        self.sorted.clear();
+        self.sorted.extend_from_slice(&self.probabilities);
+        let (_, kth, _) = self.sorted.select_nth_unstable_by(k - 1, |a, b| b.total_cmp(a));
+        *kth
     }
 }
 
@@ -242,8 +255,8 @@ mod tests {
     struct Fixed<'a>(&'a [f64], &'a [f64]);
 
     impl ActionModel for Fixed<'_> {
-        fn actions(&self) -> &[f64] {
-            self.0
+        fn actions(&self) -> ActionSpace<'_> {
+            ActionSpace::Levels(self.0)
         }
 
         fn probabilities(&self, _: &[JointState], out: &mut [f64]) {
@@ -301,6 +314,47 @@ mod tests {
         assert_eq!(adaptive([0.4, 0.2, 0.4], 0.9), (-0.5, 0.5));
         // 0.1 + 0.2 is 0.30000000000000004.
         assert_eq!(adaptive([0.3, 0.6, 0.1], 0.1 + 0.2), (-0.5, 0.0));
+    }
+
+    /// A model of a range: bins with single turn rates at 0 and at the ends.
+    #[test]
+    fn a_range_gives_the_shortest_interval() {
+        struct Range;
+
+        impl ActionModel for Range {
+            fn actions(&self) -> ActionSpace<'_> {
+                ActionSpace::Bins(&[-0.5, -0.5, 0.0, 0.0, 0.25, 0.5, 0.5])
+            }
+
+            fn probabilities(&self, _: &[JointState], out: &mut [f64]) {
+                out.copy_from_slice(&[0.05, 0.05, 0.4, 0.3, 0.1, 0.1]);
+            }
+        }
+
+        let parameters = SceneParameters::default();
+        let find = |q: Vec<f64>, epsilon: &[f64]| {
+            let choice = ActionChoice::Interval(q);
+            let settings =
+                BoundsSettings::new(epsilon.to_vec(), choice, Rollout::Paper, 6).unwrap();
+            input_bounds(&start(), &parameters, &Range, |_| 0.0, &settings)
+        };
+        let found = find(vec![0.4, 0.7, 0.9, 1.0], &[0.0, 0.1]).unwrap();
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-8;
+        for (found, expected) in
+            found.raw.iter().zip([(0.0, 0.0), (0.0, 0.25), (0.0, 0.5), (-0.5, 0.5)])
+        {
+            assert!(near(found.0, expected.0) && near(found.1, expected.1), "{found:?}");
+        }
+        assert!(near(found.sets[1].lo()[1], -0.1) && near(found.sets[1].hi()[1], 0.35));
+        let top = BoundsSettings::new(vec![0.0], ActionChoice::TopK(vec![1]), Rollout::Paper, 6);
+        let refused = input_bounds(&start(), &parameters, &Range, |_| 0.0, &top.unwrap());
+        assert_eq!(refused.unwrap_err().field, "choice");
+        let mut slow = parameters;
+        slow.human.turn_rate_radps = 0.4;
+        let one =
+            BoundsSettings::new(vec![0.0], ActionChoice::Interval(vec![0.5]), Rollout::Base, 6);
+        let refused = input_bounds(&start(), &slow, &Range, |_| 0.0, &one.unwrap());
+        assert_eq!(refused.unwrap_err().field, "edges[0]");
     }
 
     /// Five actions and an asymmetric turn rate.

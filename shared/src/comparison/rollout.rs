@@ -94,9 +94,8 @@ impl<M: ActionModel> Driver for M {
         let mut p = vec![0.0; actions.len()];
         self.probabilities(history, &mut p);
         let likeliest = highest(&p);
-        let same = |rate: &f64| (rate - truth).abs() <= SAME_ACTION;
-        let of_truth = actions.iter().position(same).map_or(0.0, |a| p[a]);
-        (likeliest.map_or(0.0, |a| actions[a]), of_truth)
+        let of_truth = actions.find(truth, SAME_ACTION).map_or(0.0, |a| p[a]);
+        (likeliest.map_or(0.0, |a| actions.middle(a)), of_truth)
     }
 }
 
@@ -200,6 +199,7 @@ pub fn together(parts: &[Vec<Horizon>]) -> Vec<Horizon> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bounds::ActionSpace;
     use crate::scene::SceneParameters;
     use crate::trial::simulate;
     use crate::vehicle::{Pose, TurnInput};
@@ -283,8 +283,8 @@ mod tests {
     struct Impatient;
 
     impl ActionModel for Impatient {
-        fn actions(&self) -> &[f64] {
-            &[-0.5, 0.0, 0.5]
+        fn actions(&self) -> ActionSpace<'_> {
+            ActionSpace::Levels(&[-0.5, 0.0, 0.5])
         }
 
         fn probabilities(&self, history: &[JointState], out: &mut [f64]) {

@@ -166,6 +166,7 @@ impl<T: Copy> Recent<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bounds::ActionSpace;
     use crate::math::{SeededRng, cos, sin};
     use crate::scene::{JointState, SceneParameters};
     use crate::shfrs::probability::judge;
@@ -178,8 +179,8 @@ mod tests {
     struct Reacting;
 
     impl ActionModel for Reacting {
-        fn actions(&self) -> &[f64] {
-            &RATES
+        fn actions(&self) -> ActionSpace<'_> {
+            ActionSpace::Levels(&RATES)
         }
 
         fn probabilities(&self, history: &[JointState], out: &mut [f64]) {

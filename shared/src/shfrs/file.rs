@@ -2,7 +2,7 @@
 
 use crate::bounds::{ActionChoice, BoundsSettings, Rollout, in_proportion};
 use crate::document::decimal;
-use crate::invalid::{Invalid, length};
+use crate::invalid::Invalid;
 use core::cmp::Ordering;
 use serde::{Deserialize, Serialize};
 
@@ -17,13 +17,16 @@ pub struct ShfrsFile {
     pub steps: usize,
     /// The widening ε of each set's bounds (rad/s), ascending; at most [`MOST_SETS`] sets.
     pub epsilon: Vec<f64>,
-    /// Number of most probable actions to include at each step ahead, ≥ 1. Must be absent if `tau`
-    /// is present.
+    /// Number of most probable actions to include at each step ahead, ≥ 1. Exactly one of `k`, `tau` and `q`
+    /// must be present.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub k: Option<Vec<usize>>,
-    /// Minimum probability of an included action, in (0, 1]. Must be absent if `k` is present.
+    /// Minimum probability of an included action, in (0, 1].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tau: Option<f64>,
+    /// Probability of the shortest interval of turn rates to include at each step ahead, in (0, 1].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub q: Option<Vec<f64>>,
     /// Whether the bounds in roll-outs are widened by ε_1.
     #[serde(default = "usual_rollout")]
     pub rollout: Rollout,
@@ -91,6 +94,7 @@ impl Preset {
             epsilon: self.epsilon.to_vec(),
             k: Some((0..10).map(k).collect()),
             tau: None,
+            q: None,
             rollout: usual_rollout(),
         }
     }
@@ -107,16 +111,14 @@ impl ShfrsFile {
 
 impl From<&BoundsSettings> for ShfrsFile {
     fn from(settings: &BoundsSettings) -> Self {
-        let (k, tau) = match settings.choice() {
-            ActionChoice::TopK(k) => (Some(k.clone()), None),
-            ActionChoice::Adaptive { tau, .. } => (None, Some(*tau)),
-        };
+        let (k, tau, q) = settings.choice().in_file();
         Self {
             format: Format::V1,
             steps: settings.steps(),
             epsilon: settings.epsilon().to_vec(),
             k,
             tau,
+            q,
             rollout: settings.rollout(),
         }
     }
@@ -124,7 +126,7 @@ impl From<&BoundsSettings> for ShfrsFile {
 
 impl ShfrsFile {
     /// Names of the URL parameters that [`Self::set`] accepts.
-    pub const NAMES: [&str; 5] = ["T", "eps", "k", "tau", "rollout"];
+    pub const NAMES: [&str; 6] = ["T", "eps", "k", "tau", "q", "rollout"];
 
     /// Sets [`Self::rollout`], the kind of roll-outs.
     #[must_use]
@@ -145,24 +147,21 @@ impl ShfrsFile {
             let expected = format!("1 to {MOST_SETS} sets");
             return Err(Invalid::new("epsilon", expected, self.epsilon.len()));
         }
-        let choice = match (&self.k, self.tau) {
-            (Some(_), Some(tau)) => return Err(Invalid::new("tau", "none beside k", tau)),
-            (None, None) => return Err(Invalid::new("k", "a list, or tau instead", "neither")),
-            (Some(k), None) => {
-                length("k", self.steps, k.len())?;
-                ActionChoice::TopK(k.clone())
-            }
-            (None, Some(tau)) => ActionChoice::Adaptive { tau, steps: self.steps },
-        };
+        let Self { steps, k, tau, q, .. } = self;
+        let choice = ActionChoice::of_file(*steps, k.as_deref(), *tau, q.as_deref())?;
         BoundsSettings::new(self.epsilon.clone(), choice, self.rollout, actions)
     }
 
-    /// Sets the number of steps ahead. Additional steps repeat the last k.
+    /// Sets the number of steps ahead. Additional steps repeat the last k or q.
     pub fn look_ahead(&mut self, steps: usize) {
         self.steps = steps;
         if let Some(k) = &mut self.k {
             let last = k.last().copied().unwrap_or(1);
             k.resize(steps.min(MOST_STEPS), last);
+        }
+        if let Some(q) = &mut self.q {
+            let last = q.last().copied().unwrap_or(1.0);
+            q.resize(steps.min(MOST_STEPS), last);
         }
     }
 
@@ -203,7 +202,7 @@ impl ShfrsFile {
     /// larger ε.
     pub fn begin_with(&mut self, first: &Self) {
         (self.steps, self.rollout) = (first.steps, first.rollout);
-        (self.k, self.tau) = (first.k.clone(), first.tau);
+        (self.k, self.tau, self.q) = (first.k.clone(), first.tau, first.q.clone());
         let least = first.epsilon.first().copied().unwrap_or(0.0);
         if self.epsilon.len() < 2 {
             self.epsilon.insert(0, least);
@@ -231,7 +230,7 @@ impl ShfrsFile {
     }
 
     /// The settings as URL parameters, such as `T=10&eps=0,0.4,1&k=2,2,1,…`. An adaptive choice has
-    /// `tau=0.1` instead of `k`. Roll-outs that are not the default add `rollout=paper`.
+    /// `tau=0.1` instead of `k`, and the shortest interval has `q=0.9,0.8,…`. Roll-outs that are not the default add `rollout=paper`.
     #[must_use]
     pub fn query(&self) -> String {
         let listed = |numbers: Vec<String>| numbers.join(",");
@@ -241,6 +240,9 @@ impl ShfrsFile {
             parts.push(format!("k={}", listed(k.iter().map(usize::to_string).collect())));
         }
         parts.extend(self.tau.map(|tau| format!("tau={}", written(tau))));
+        if let Some(q) = &self.q {
+            parts.push(format!("q={}", listed(q.iter().map(|&q| written(q)).collect())));
+        }
         if self.rollout != usual_rollout() {
             parts.push(format!("rollout={}", self.rollout.word()));
         }
@@ -268,13 +270,22 @@ impl ShfrsFile {
                 let numbers = value.split([',', ' ']).filter(|k| !k.is_empty());
                 let k: Option<Vec<usize>> = numbers.map(whole).collect();
                 let expected = "whole numbers from 1, one for each step, separated by commas";
-                self.k = Some(k.ok_or_else(|| Invalid::new(name, expected, value))?);
-                self.tau = None;
+                let k = k.ok_or_else(|| Invalid::new(name, expected, value))?;
+                (self.k, self.tau, self.q) = (Some(k), None, None);
             }
             "tau" => {
                 let tau =
                     decimal(value).ok_or_else(|| Invalid::new(name, "a number in (0, 1]", value));
-                (self.tau, self.k) = (Some(tau?), None);
+                (self.k, self.tau, self.q) = (None, Some(tau?), None);
+            }
+            "q" => {
+                let q: Option<Vec<f64>> = value.split(',').map(decimal).collect();
+                let expected = "a number in (0, 1], or one for each step, separated by commas";
+                let mut q = q.ok_or_else(|| Invalid::new(name, expected, value))?;
+                if let [same] = q[..] {
+                    q.resize(self.steps.min(MOST_STEPS), same);
+                }
+                (self.k, self.tau, self.q) = (None, None, Some(q));
             }
             "rollout" => {
                 self.rollout = match value {
@@ -442,6 +453,7 @@ mod tests {
             ("eps", "NaN"),
             ("k", "1,x"),
             ("k", "-1"),
+            ("q", "0.9,x"),
             ("tau", "much"),
             ("rollout", "other"),
         ] {
@@ -456,7 +468,7 @@ mod tests {
         #[test]
         fn links_and_files_bring_the_same_settings_back(
             steps in 1..=MOST_STEPS, epsilon in prop::collection::vec(0u32..100, 1..=MOST_SETS),
-            k in prop::collection::vec(1usize..=3, MOST_STEPS), tau in 1u32..=1000, adaptive: bool,
+            k in prop::collection::vec(1usize..=3, MOST_STEPS), tau in 1u32..=1000, rule in 0..3,
             as_printed: bool,
         ) {
             let mut epsilon: Vec<f64> = epsilon.iter().map(|&e| f64::from(e) / 100.0).collect();
@@ -465,8 +477,9 @@ mod tests {
                 format: Format::V1,
                 steps,
                 epsilon,
-                k: (!adaptive).then(|| k[..steps].to_vec()),
-                tau: adaptive.then_some(f64::from(tau) / 1000.0),
+                k: (rule == 0).then(|| k[..steps].to_vec()),
+                tau: (rule == 1).then_some(f64::from(tau) / 1000.0),
+                q: (rule == 2).then(|| k[..steps].iter().map(|&k| k as f64 / 4.0).collect()),
                 rollout: if as_printed { Rollout::Paper } else { Rollout::Base },
             };
             let mut read = paper();

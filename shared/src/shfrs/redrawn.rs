@@ -39,14 +39,14 @@ impl Shfrs {
 mod tests {
     use super::*;
     use crate::bounds::ActionChoice;
-    use crate::bounds::{ActionModel, BoundsSettings, Rollout};
+    use crate::bounds::{ActionModel, ActionSpace, BoundsSettings, Rollout};
     use crate::scene::{JointState, SceneParameters};
 
     struct Always;
 
     impl ActionModel for Always {
-        fn actions(&self) -> &[f64] {
-            &[-0.5, 0.0, 0.5]
+        fn actions(&self) -> ActionSpace<'_> {
+            ActionSpace::Levels(&[-0.5, 0.0, 0.5])
         }
 
         fn probabilities(&self, _: &[JointState], out: &mut [f64]) {

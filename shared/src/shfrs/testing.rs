@@ -1,7 +1,7 @@
 //! Small predictors and drives for the tests in this folder.
 
 use super::window::Trajectory;
-use crate::bounds::ActionModel;
+use crate::bounds::{ActionModel, ActionSpace};
 use crate::scene::JointState;
 use crate::vehicle::Pose;
 use crate::vehicle::dubins::arc;
@@ -10,8 +10,8 @@ use crate::vehicle::dubins::arc;
 pub(super) struct Always(pub(super) [f64; 3]);
 
 impl ActionModel for Always {
-    fn actions(&self) -> &[f64] {
-        &[-0.5, 0.0, 0.5]
+    fn actions(&self) -> ActionSpace<'_> {
+        ActionSpace::Levels(&[-0.5, 0.0, 0.5])
     }
 
     fn probabilities(&self, _: &[JointState], out: &mut [f64]) {

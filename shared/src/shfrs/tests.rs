@@ -111,5 +111,5 @@ fn classes_that_are_no_turns_need_their_actions() {
     let actions = vec![-0.5, -0.2, 0.0, 0.2, 0.5];
     let five = five.with_actions(actions.clone()).unwrap();
     let human = PredictedHuman::new(&five, &safety, &parameters).unwrap();
-    assert_eq!(human.actions(), actions);
+    assert_eq!(human.actions().rates(), actions);
 }

@@ -267,7 +267,7 @@ fn in_words<S: serde::Serializer>(choice: &ActionChoice, to: S) -> Result<S::Ok,
 /// # Example
 /// How much must bounds be widened so that a person's next drive stays inside with probability ≥ 0.75?
 /// ```
-/// use sidestep::bounds::{ActionChoice, ActionModel};
+/// use sidestep::bounds::{ActionChoice, ActionModel, ActionSpace};
 /// use sidestep::scene::{JointState, SceneParameters};
 /// use sidestep::shfrs::guarantee::Guarantee;
 /// use sidestep::shfrs::window_sets::Prediction;
@@ -277,8 +277,8 @@ fn in_words<S: serde::Serializer>(choice: &ActionChoice, to: S) -> Result<S::Ok,
 ///
 /// struct Straight; // a person who is expected to drive straight on
 /// impl ActionModel for Straight {
-///     fn actions(&self) -> &[f64] {
-///         &[-0.5, 0.0, 0.5] // rad/s
+///     fn actions(&self) -> ActionSpace<'_> {
+///         ActionSpace::Levels(&[-0.5, 0.0, 0.5]) // rad/s
 ///     }
 ///     fn probabilities(&self, _history: &[JointState], out: &mut [f64]) {
 ///         out.copy_from_slice(&[0.1, 0.8, 0.1]);

@@ -4,8 +4,8 @@
 use std::cell::RefCell;
 
 use sidestep::bounds::{
-    ActionChoice, ActionModel, Algorithm1, BoundsSettings, InputBounds, Motion, PredictedBounds,
-    Rollout, input_bounds,
+    ActionChoice, ActionModel, ActionSpace, Algorithm1, BoundsSettings, InputBounds, Motion,
+    PredictedBounds, Rollout, input_bounds,
 };
 use sidestep::math::{PI, SeededRng};
 use sidestep::reach::polygon::signed_distance;
@@ -17,13 +17,18 @@ use sidestep::vehicle::{Pose, dubins};
 /// weights are small integers, so that there are many ties.
 struct Arbitrary {
     seed: u64,
+    /// Levels, or the edges of bins.
     actions: Vec<f64>,
+    bins: bool,
     highest_weight: usize,
 }
 
 impl ActionModel for Arbitrary {
-    fn actions(&self) -> &[f64] {
-        &self.actions
+    fn actions(&self) -> ActionSpace<'_> {
+        match self.bins {
+            true => ActionSpace::Bins(&self.actions),
+            false => ActionSpace::Levels(&self.actions),
+        }
     }
 
     fn probabilities(&self, history: &[JointState], out: &mut [f64]) {
@@ -69,10 +74,23 @@ impl Problem {
             ActionChoice::TopK((0..steps).map(|_| 1 + rng.below(actions.len())).collect())
         };
         let rollout = if rng.below(2) == 0 { Rollout::Paper } else { Rollout::Base };
-        let model = Arbitrary {
+        let mut model = Arbitrary {
             seed: rng.below(1 << 30) as u64,
             actions,
+            bins: false,
             highest_weight: 1 + rng.below(9),
+        };
+        // A third of the problems select shortest intervals, most of them of bins.
+        let mut rng = SeededRng::new(!seed ^ 0x5a5a);
+        let choice = match rng.below(3) {
+            0 => {
+                model.bins = model.actions.len() > 1;
+                if model.bins {
+                    model.actions.sort_unstable_by(f64::total_cmp);
+                }
+                ActionChoice::Interval((0..steps).map(|_| 1.0 - rng.unit()).collect())
+            }
+            _ => choice,
         };
         Self { history, motion, model, choice, rollout }
     }
@@ -83,7 +101,7 @@ impl Problem {
         epsilon: Vec<f64>,
         rollout: Rollout,
     ) -> PredictedBounds {
-        let actions = self.model.actions.len();
+        let actions = self.model.actions().len();
         let settings = BoundsSettings::new(epsilon, self.choice.clone(), rollout, actions);
         let settings = settings.expect("settings");
         let left = |states: &[JointState]| 0.3 * (states.len() % 2) as f64;
@@ -192,8 +210,8 @@ fn with_base_rollouts_sets_grow_with_epsilon() {
 struct Undecided;
 
 impl ActionModel for Undecided {
-    fn actions(&self) -> &[f64] {
-        &[-0.5, 0.0, 0.5]
+    fn actions(&self) -> ActionSpace<'_> {
+        ActionSpace::Levels(&[-0.5, 0.0, 0.5])
     }
 
     fn probabilities(&self, history: &[JointState], out: &mut [f64]) {
@@ -232,8 +250,8 @@ fn with_the_papers_rollouts_a_larger_epsilon_can_give_a_smaller_set() {
 fn the_model_sees_the_past_and_one_rollout() {
     struct Listening(RefCell<Vec<Vec<JointState>>>);
     impl ActionModel for Listening {
-        fn actions(&self) -> &[f64] {
-            &[-0.5, 0.0, 0.5]
+        fn actions(&self) -> ActionSpace<'_> {
+            ActionSpace::Levels(&[-0.5, 0.0, 0.5])
         }
 
         fn probabilities(&self, history: &[JointState], out: &mut [f64]) {

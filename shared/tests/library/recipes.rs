@@ -1,7 +1,9 @@
 //! The recipes of CONTRIBUTING.md. Each takes a few lines.
 
 use core::ops::ControlFlow;
-use sidestep::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout, input_bounds};
+use sidestep::bounds::{
+    ActionChoice, ActionModel, ActionSpace, BoundsSettings, Rollout, input_bounds,
+};
 use sidestep::features::{Compute, FEATURES, Feature, FeatureSet};
 use sidestep::predict::{Predictor, PredictorFile};
 use sidestep::reachability::cartesian::{Problem, Settings, solve};
@@ -57,8 +59,8 @@ fn a_feature_is_one_entry() {
 fn a_predictor_is_two_methods() {
     struct Avoider;
     impl ActionModel for Avoider {
-        fn actions(&self) -> &[f64] {
-            &[-0.5, 0.0, 0.5] // rad/s
+        fn actions(&self) -> ActionSpace<'_> {
+            ActionSpace::Levels(&[-0.5, 0.0, 0.5]) // rad/s
         }
         fn probabilities(&self, history: &[JointState], out: &mut [f64]) {
             let [_, left, _] = history[history.len() - 1].robot_seen_by_human();

@@ -1,7 +1,7 @@
 //! The online predictor, and the collision bounds that follow from its calibration.
 
 use sidestep::bounds::{
-    ActionChoice, ActionModel, BoundsSettings, InputBounds, Rollout, input_bounds,
+    ActionChoice, ActionModel, ActionSpace, BoundsSettings, InputBounds, Rollout, input_bounds,
 };
 use sidestep::clearance::{
     Clearance, ClearanceFinder, Continuity, CoverageBounds, Footprint, HumanFuture, NextSteps,
@@ -255,8 +255,8 @@ const STEPS: usize = 10;
 struct Always;
 
 impl ActionModel for Always {
-    fn actions(&self) -> &[f64] {
-        &[-0.5, 0.0, 0.5]
+    fn actions(&self) -> ActionSpace<'_> {
+        ActionSpace::Levels(&[-0.5, 0.0, 0.5])
     }
 
     fn probabilities(&self, _: &[JointState], out: &mut [f64]) {

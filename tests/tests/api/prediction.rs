@@ -320,6 +320,15 @@ async fn bounds_with_other_actions_an_adaptive_set_and_unequal_vehicles() {
     let found = answer("bounds", &document).await;
     assert_eq!(found["raw"], json!([[0.1, 0.4], [0.1, 0.4], [0.1, 0.4]]));
     assert_eq!(found["hi"][2], json!([0.8, 0.8, 0.8]));
+    // The shortest interval with 0.6 is from 0.1 to 0.4. With 0.9 two are equally short and probable, and both
+    // count.
+    let mut shortest = document.clone();
+    shortest.as_object_mut().unwrap().remove("tau");
+    shortest["q"] = json!([0.4, 0.6, 0.9]);
+    let found = answer("bounds", &shortest).await;
+    assert_eq!(found["raw"], json!([[0.4, 0.4], [0.1, 0.4], [-0.3, 0.8]]));
+    shortest["q"] = json!([0.4, 1.2, 0.9]);
+    refused("bounds", &shortest.to_string(), "q[1]: expected a number in (0, 1], found 1.2").await;
     // Only features that use value functions need vehicles for which a value function exists.
     document["predictor"]["features"] = json!(["distance", "v_r"]);
     refused("bounds", &document.to_string(), "turn_rate: expected the same to both sides").await;
@@ -353,8 +362,9 @@ async fn bounds_names_what_is_wrong() {
         ("/k", json!([0]), "k[0]: expected"),
         ("/k", json!([]), "k: expected at least one step"),
         ("/k", json!([-1]), "k[0]: expected"),
-        ("/k", Value::Null, "k: expected k, or tau with steps, found neither"),
-        ("/tau", json!(0.1), "tau: expected nothing beside k"),
+        ("/k", Value::Null, "k: expected a list, or tau or q instead, found neither"),
+        ("/tau", json!(0.1), "tau: expected none beside k"),
+        ("/q", json!([0.9, 0.9]), "q: expected none beside k"),
         ("/steps", json!(5), "steps: expected 2"),
         ("/rollout", json!("printed"), "rollout: expected paper or base"),
         ("/speed", json!(-2), "speed: expected"),

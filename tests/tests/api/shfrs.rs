@@ -161,6 +161,9 @@ async fn settings_of_a_file_are_those_of_the_flags() {
     };
     let flags = ["--steps", "3", "--epsilon", "0,0.3,1", "--k", "2,1,1", "--rollout", "paper"];
     assert_eq!(of("file", &["--settings", &good]).await, of("flags", &flags).await);
+    let good = file("shortest", r#""steps":3,"epsilon":[0,0.3,1],"q":[0.9,0.9,0.9]"#);
+    let flags = ["--steps", "3", "--epsilon", "0,0.3,1", "--q", "0.9"];
+    assert_eq!(of("shortest", &["--settings", &good]).await, of("flag", &flags).await);
 
     let wrong = file("wrong", r#""steps":3,"epsilon":[0.4,0.3],"tau":0.1"#);
     let other = folder.file("other", "{\"format\":\"sidestep-predictor/1\"}");
@@ -169,6 +172,7 @@ async fn settings_of_a_file_are_those_of_the_flags() {
         (&["--settings", &other[..]], "other: format: expected"),
         (&["--settings", "nowhere.json"], "nowhere.json: cannot read"),
         (&["--settings", &good[..], "--tau", "0.1"], "--settings"),
+        (&["--settings", &good[..], "--q", "0.1"], "--settings"),
     ] {
         shfrs(&folder.name("none"), flags).await.refused(2, &[words]);
     }
@@ -186,6 +190,8 @@ async fn what_makes_no_sense_is_refused_in_words() {
         (&["--k", "2,0", "--steps", "2"], "--k[1]: expected a whole number from 1 to 3"),
         (&["--k", "4,1", "--steps", "2"], "--k[0]: expected a whole number from 1 to 3, found 4"),
         (&["--tau", "0"], "--tau: expected a number in (0, 1]"),
+        (&["--q", "0"], "--q[0]: expected a number in (0, 1]"),
+        (&["--q", "0.9,0.8"], "--q: expected 10 numbers (--steps), found 2"),
         (&["--steps", "0"], "--steps: expected at least 1, found 0"),
         (&["--probability", "0.5,1"], "--probability"),
         (&["--probability", "NaN"], "--probability"),

@@ -98,6 +98,8 @@ pub enum Msg {
     K(FieldValue),
     /// Set the probability threshold for actions.
     Tau(FieldValue),
+    /// Set the probability of the shortest interval, for all steps.
+    Q(FieldValue),
     /// Set the kind of roll-outs.
     Rollout(FieldValue),
     /// Set all settings, as JSON.
@@ -309,6 +311,7 @@ impl Explorer {
                     let k = vec!["1"; wanted.steps].join(",");
                     let (name, value) = match value.text() {
                         "tau" => ("tau", "0.1"),
+                        "q" => ("q", "0.9"),
                         _ => ("k", k.as_str()),
                     };
                     wanted.set(name, value)
@@ -323,6 +326,7 @@ impl Explorer {
             }
             Msg::K(value) => return self.change(|wanted| wanted.set("k", value.text())),
             Msg::Tau(value) => return self.change(|wanted| wanted.set("tau", &words(&value))),
+            Msg::Q(value) => return self.change(|wanted| wanted.set("q", &words(&value))),
             Msg::Rollout(value) => {
                 return self.change(|wanted| wanted.set("rollout", value.text()));
             }

@@ -228,6 +228,7 @@ fn share(kept: usize, count: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bounds::ActionSpace;
     use crate::scene::JointState;
     use crate::shfrs::window::Trajectory;
     use crate::vehicle::Pose;
@@ -236,8 +237,8 @@ mod tests {
     struct Unasked;
 
     impl ActionModel for Unasked {
-        fn actions(&self) -> &[f64] {
-            &[]
+        fn actions(&self) -> ActionSpace<'_> {
+            ActionSpace::Levels(&[])
         }
 
         fn probabilities(&self, _: &[JointState], _: &mut [f64]) {}

@@ -3,7 +3,7 @@
 
 use super::swept::swept;
 use super::{Gaussian, LearnedFamily, Mode, Nominal, PerModeEmpirical};
-use crate::bounds::ActionModel;
+use crate::bounds::{ActionModel, ActionSpace};
 use crate::invalid::Invalid;
 use crate::math::sin_cos;
 use crate::reach::{PolygonSettings, ReachableSet};
@@ -86,7 +86,7 @@ const SHARES: [f64; 4] = [0.5, 0.75, 0.9, 0.95];
 enum Nobody {}
 
 impl ActionModel for Nobody {
-    fn actions(&self) -> &[f64] {
+    fn actions(&self) -> ActionSpace<'_> {
         match *self {}
     }
 

@@ -74,12 +74,25 @@ fn actions(explorer: &Explorer) -> Vec<Node> {
     let by = [
         ("k".to_owned(), "the k most likely".to_owned()),
         ("tau".to_owned(), "those with a probability of τ or more".to_owned()),
+        ("q".to_owned(), "the shortest interval with a probability of q".to_owned()),
     ];
-    let chosen = if wanted.tau.is_some() { "tau" } else { "k" };
+    let chosen = match (&wanted.tau, &wanted.q) {
+        (Some(_), _) => "tau",
+        (None, Some(_)) => "q",
+        (None, None) => "k",
+    };
     let mut nodes = vec![select("by", "Actions that count", by.into(), chosen, Msg::By)];
     if let Some(tau) = wanted.tau {
         let range = ["0.005", "1", "0.005"];
         nodes.push(slider("tau", "τ", range, (tau, number(tau)), Msg::Tau));
+    }
+    if let Some(q) = &wanted.q {
+        let (first, last) = (q.first().copied().unwrap_or(1.0), q.last().copied().unwrap_or(1.0));
+        let words = match first == last {
+            true => number(first),
+            false => format!("{} to {}", number(first), number(last)),
+        };
+        nodes.push(slider("q", "q", ["0.05", "1", "0.05"], (first, words), Msg::Q));
     }
     if let Some(k) = &wanted.k {
         for (least, id) in [(2, "up-to-2"), (3, "up-to-3")] {
@@ -107,7 +120,7 @@ fn actions(explorer: &Explorer) -> Vec<Node> {
         let label = el("label").attr("for", "k").text("k of each step");
         nodes.push(el("div").class("pair").child(label).child(field));
     }
-    nodes.extend(said(explorer, &["k", "tau"]));
+    nodes.extend(said(explorer, &["k", "tau", "q"]));
     nodes
 }
 

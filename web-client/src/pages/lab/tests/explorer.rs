@@ -150,6 +150,13 @@ fn sets_move_with_every_setting() {
     session.choose("by", "tau");
     session.slide("tau", 0.9);
     moved(&session, "τ");
+    session.choose("by", "q");
+    moved(&session, "the shortest interval");
+    session.slide("q", 0.3);
+    moved(&session, "q");
+    session.choose("by", "tau");
+    session.slide("tau", 0.9);
+    moved(&session, "τ again");
     session.choose("choose-predictor", "constant");
     moved(&session, "predictor");
     session.slide("time", 4.0);
