@@ -33,8 +33,8 @@
 //! ∫wD ≤ γWh²(1 − c²)/4 ≤ γWh²(1 − |c|)/2. So w adds a point of a rhombus with half-diagonals γh along the
 //! mean heading and γWh²/2 across it. A rhombus is the sum of two line segments, so the recursion applies two
 //! [stretches](Curve::stretch) per piece. The rhombus is as long as the set of the true displacements, so it
-//! enlarges the result only where a boundary runs along the heading. Its diagonal is shortened like Dⱼ, which adds
-//! at most γh³(ū²/24 + g²/48) to the error. So a rhombus of speeds from 0 has a corner in the origin, not behind it.
+//! enlarges the result only where a boundary runs along the heading. It is made smaller in proportion to Dⱼ, which
+//! adds at most γh³(ū²/24 + g²/48)·max(1, Wh/2) to the error. So a rhombus of speeds from 0 has a corner in the origin, not behind it.
 
 mod edges;
 mod swept;
@@ -175,8 +175,11 @@ fn error_of(paths: &Paths, step: usize, seconds: f64) -> f64 {
     let (rate, spread) = middle_and_spread(paths, step);
     let (mean, range) = middle_and_range(paths, step);
     let fastest = rate.abs() + spread;
+    // The longer half-diagonal of the rhombus, divided by γh.
+    let longest = (0.5 * fastest * seconds).max(1.0);
+    let shortened = longest * (rate * rate + 0.5 * spread * spread);
     mean * spread * (spread / 48.0 + rate.abs() / 12.0 + spread * spread * seconds / 144.0)
-        + range * (fastest * fastest + rate * rate + 0.5 * spread * spread) / 24.0
+        + range * (fastest * fastest + shortened) / 24.0
 }
 
 /// How far beside the line of [`Piece::add_passed`] a path can be in a piece, divided by the square of the

@@ -156,7 +156,6 @@ fn sets_move_with_every_setting() {
     moved(&session, "q");
     session.choose("by", "tau");
     session.slide("tau", 0.9);
-    moved(&session, "τ again");
     session.choose("choose-predictor", "constant");
     moved(&session, "predictor");
     session.slide("time", 4.0);
