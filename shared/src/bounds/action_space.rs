@@ -156,28 +156,27 @@ impl ShortestInterval {
         let mut best = Found { lo: 0.0, hi: 0.0, length: f64::INFINITY, mass: 0.0 };
         let n = self.masses.len();
         for place in 0..n {
-            if let Some((last, share)) = self.enough(q, place..n) {
-                let [from, to] = [self.edges[last], self.edges[last + 1]];
-                best.consider(self, self.edges[place], from + share * (to - from));
-            }
-            if let Some((last, share)) = self.enough(q, (0..=place).rev()) {
-                let [from, to] = [self.edges[last], self.edges[last + 1]];
-                best.consider(self, to - share * (to - from), self.edges[place + 1]);
+            // Upward from the beginning of a bin, and downward from its end.
+            for up in [true, false] {
+                let (mut bin, mut missing) = (place, q - self.masses[place]);
+                while missing > 0.0 && (if up { bin + 1 < n } else { bin > 0 }) {
+                    bin = if up { bin + 1 } else { bin - 1 };
+                    missing -= self.masses[bin];
+                }
+                if missing > 0.0 {
+                    continue;
+                }
+                let mass = self.masses[bin];
+                let share = if mass > 0.0 { (1.0 + missing / mass).clamp(0.0, 1.0) } else { 0.0 };
+                let part = share * (self.edges[bin + 1] - self.edges[bin]);
+                let (lo, hi) = match up {
+                    true => (self.edges[place], self.edges[bin] + part),
+                    false => (self.edges[bin + 1] - part, self.edges[place + 1]),
+                };
+                best.consider(self, lo, hi);
             }
         }
         best
-    }
-
-    /// The bin in which the probability of these bins, one after the other, reaches `q`, and the share of
-    /// this bin that is needed.
-    fn enough(&self, q: f64, mut bins: impl Iterator<Item = usize>) -> Option<(usize, f64)> {
-        let mut missing = q;
-        let last = bins.find(|&bin| {
-            missing -= self.masses[bin];
-            missing <= 0.0
-        })?;
-        let mass = self.masses[last];
-        Some((last, if mass > 0.0 { (1.0 + missing / mass).clamp(0.0, 1.0) } else { 0.0 }))
     }
 
     /// The probability of a closed interval.
@@ -205,9 +204,12 @@ impl ShortestInterval {
                 masses.extend_from_slice(p);
             }
             ActionSpace::Levels(levels) => {
+                // There are a few levels, so inserting them one by one needs the least code.
                 order.clear();
-                order.extend(0..levels.len());
-                order.sort_unstable_by(|&a, &b| levels[a].total_cmp(&levels[b]));
+                for (i, level) in levels.iter().enumerate() {
+                    let place = order.iter().take_while(|&&it| levels[it] <= *level).count();
+                    order.insert(place, i);
+                }
                 for (place, &level) in order.iter().enumerate() {
                     if place > 0 {
                         masses.push(0.0);
