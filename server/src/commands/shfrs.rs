@@ -357,7 +357,7 @@ impl ShfrsArgs {
         }
         let choice = match (&self.k, self.tau, &q) {
             (None, None, None) => evaluation::choice_of_the_paper(self.steps, actions),
-            (k, tau, q) => ActionChoice::of_file(self.steps, k.as_deref(), *tau, q.as_deref())
+            (k, tau, q) => ActionChoice::of_file(self.steps, k.as_deref(), tau, q.as_deref())
                 .map_err(flagged)?,
         };
         BoundsSettings::new(self.epsilon.clone(), choice, self.rollout, actions).map_err(flagged)
