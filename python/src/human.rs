@@ -52,10 +52,7 @@ impl ActionModel {
         let py = actions.py();
         let actions = list("actions", actions)?;
         let model = Self { actions, bins, probabilities };
-        model.space().check().map_err(|invalid| {
-            let field = invalid.field.replace("edges", "actions");
-            Invalid { field, ..invalid }
-        })?;
+        model.space().check()?;
         let probabilities = &model.probabilities;
         if !probabilities.bind(py).is_callable() {
             let found = probabilities.bind(py).get_type();

@@ -96,17 +96,18 @@ def test_a_model_of_a_range_of_turn_rates(rng):
             length = least_length(edges, masses, each)
             assert probability >= each - 1e-6 and to - from_ >= length - 2.1e-3
             # It is longer only if it surrounds several equally short intervals, as within a bin.
-            assert to - from_ <= length + 1e-6 or probability > each + 1e-6
+            for a, b in ((from_, from_ + length), (to - length, to)):
+                assert below(edges, masses, b + 1e-9, True) - below(edges, masses, a - 1e-9, False) >= each - 1e-6
         np.testing.assert_array_equal([lo[1], hi[1]], [[-0.5] * 4, [0.5] * 4])
-    # Sets and calibrations take the same model and q.
+    # Predicted sets take the same model and q.
     settings = sidestep.ShfrsSettings([0.0, 1.0], q=[0.9, 0.6, 0.6])
     assert (settings.q, settings.k, settings.tau, settings.steps) == ([0.9, 0.6, 0.6], None, None, 3)
     prediction = sidestep.ShfrsPredictor(model, settings).predict(now)
     assert 0 < prediction.areas_m2[0] < prediction.areas_m2[1]
     for wrong, said in (
-        (lambda: sidestep.bounds(now, model, [0.0], [1]), "choice: expected q, as the model has a range of turn rates"),
+        (lambda: sidestep.bounds(now, model, [0.0], [1]), "settings: expected q, because the model has bins of turn rates"),
         (lambda: sidestep.ActionModel([0.1, 0.0], len, bins=True), r"actions\[1\]: expected 0.1 rad/s or more"),
-        (lambda: sidestep.ActionModel([0.1], len, bins=True), "actions: expected at least two edges, found one"),
+        (lambda: sidestep.ActionModel([0.1], len, bins=True), "actions: expected at least two edges of bins, found one"),
         (lambda: sidestep.ActionModel([], len), "actions: expected at least one action, found none"),
         (lambda: sidestep.ShfrsSettings([0.0], q=[0.0]), r"q\[0\]: expected a number in \(0, 1\], found 0"),
         (lambda: sidestep.ShfrsSettings([0.0], [1], q=[0.5]), "q: expected none beside k"),

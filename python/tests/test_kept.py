@@ -193,7 +193,7 @@ def test_settings_are_files_of_the_laboratory(tmp_path):
     for text, complaint in (
         ('{"format":"sidestep-shfrs/2","steps":1,"epsilon":[0],"k":[1]}', r"settings\.format"),
         ('{"format":"sidestep-shfrs/1","steps":2,"epsilon":[0],"k":[1]}', r"settings\.k: expected 2 entries, found 1"),
-        ('{"format":"sidestep-shfrs/1","steps":1,"epsilon":[0]}', r"settings\.k: expected a list, or tau or q instead"),
+        ('{"format":"sidestep-shfrs/1","steps":1,"epsilon":[0]}', r"settings\.k: expected one of k, q and tau"),
         ('{"format":"sidestep-shfrs/1","steps":1,"epsilon":[0.2,0.1],"k":[1]}', r"settings\.epsilon\[1\]"),
         ('{"format":"sidestep-shfrs/1","steps":1,"epsilon":[0],"k":[1],"accuracy_m":9}', r"settings\.accuracy_m"),
         ('{"format":"sidestep-shfrs/1","steps":1,"epsilon":[0],"k":[1],"more":9}', "settings"),

@@ -62,7 +62,7 @@ REFUSED = [
     (lambda: sidestep.bounds(NOW, MODEL, [0.2, 0.1], [1]), r"epsilon\[1\]: expected 0.2 rad/s or more"),
     (lambda: sidestep.bounds(NOW, MODEL, [0], [1, 4]), r"k\[1\]: expected a whole number from 1 to 3, found 4"),
     (lambda: sidestep.bounds(NOW, MODEL, [0], [-1]), r"k\[0\]: expected at least 1, found -1"),
-    (lambda: sidestep.bounds(NOW, MODEL, [0]), "k: expected a list, or tau or q instead, found neither"),
+    (lambda: sidestep.bounds(NOW, MODEL, [0]), "k: expected one of k, q and tau"),
     (lambda: sidestep.bounds(NOW, MODEL, [0], [1], tau=0.1), "tau: expected none beside k"),
     (lambda: sidestep.bounds(NOW, MODEL, [0], tau=0.1), "steps: expected the number of coming steps, with tau"),
     (lambda: sidestep.bounds(NOW, MODEL, [0], tau=2, steps=3), r"tau: expected a number in \(0, 1\], found 2"),

@@ -188,7 +188,9 @@ impl ActionChoice {
             (Some(_), Some(tau), _) => Err(Invalid::new("tau", "none beside k", tau)),
             (Some(_), None, Some(_)) => Err(Invalid::new("q", "none beside k", "both")),
             (None, Some(_), Some(_)) => Err(Invalid::new("q", "none beside tau", "both")),
-            (None, None, None) => Err(Invalid::new("k", "a list, or tau or q instead", "neither")),
+            (None, None, None) => {
+                Err(Invalid::new("k", "one of k, q and tau (with steps)", "none"))
+            }
             (Some(k), None, None) => {
                 length("k", steps, k.len())?;
                 Ok(Self::TopK(k.to_vec()))

@@ -22,7 +22,7 @@
 //! rate of at most ω. SHFRS hold only for this model, not for a human who stops or walks at another speed.
 //! [Reachable sets](reach::ReachableSet) and [clearances](clearance::OnlinePredictor::with_speed) also allow a
 //! human who chooses the speed from a [range](vehicle::SpeedRange). Guarantees are calibrated on trajectories
-//! of constant speed. Recorded tracks of pedestrians do not follow it and are rejected
+//! of the model, at constant speed. Recorded tracks of pedestrians do not follow it and are rejected
 //! ([`Trajectory::check`](shfrs::window::Trajectory::check)).
 //!
 //! # Features

@@ -310,9 +310,9 @@ mod tests {
         let mut rng = SeededRng::new(18);
         for case in 0..6000 {
             let mut parameters = SceneParameters::default();
-            parameters.human.turn_rate_radps = [0.5, 1.5, 5.0, 12.0][case % 4];
-            let slow = [0.0, 0.2, 1.0][case / 4 % 3];
-            let speed = SpeedRange::new(slow, slow + [0.1, 2.0][case / 12 % 2]).unwrap();
+            parameters.human.turn_rate_radps = [0.5, 1.5, 5.0, 12.0, 20.0][case % 5];
+            let slow = [0.0, 0.2, 1.0][case / 5 % 3];
+            let speed = SpeedRange::new(slow, slow + [0.1, 2.0][case / 15 % 2]).unwrap();
             let (from, most) = (Pose::new(1.0, 2.0, rng.uniform(-9.0, 9.0)), parameters.human);
             let (mut to, mut left_s) = (from, parameters.step_s);
             while left_s > 0.0 {

@@ -17,6 +17,9 @@ use sidestep::vehicle::Pose;
 /// "k": [one for each step], "q": [one for each step] or "tau": 0.1 with "steps": T,
 /// "rollout": "paper" or "base", "speed": 2, "dt": 0.2, "turn_rate": [-0.5, 0.5]}.
 ///
+/// With "k", the k most likely turn rates count at each step. With "tau", all with at least this
+/// probability. With "q", those in the shortest interval with at least this probability.
+///
 /// The robot is assumed to drive straight on. Fields with a default or another source are
 /// "predictor", if --predictor names a file; "robot_speed" (default: the human's),
 /// "robot_turn_rate" (default: the human's highest) and "danger_radius" (default: 3), which only

@@ -22,10 +22,12 @@ use sidestep::vehicle::{Pose, SpeedRange};
 /// "heading": 0.002}, "accuracy": 0.0001, "conservative": false}. "queries", "tolerance",
 /// "accuracy" and "conservative" are optional; the defaults are shown. A state counts as inside if
 /// it is outside by at most the tolerance. Edges of polygons are within the accuracy (m) of the
-/// true boundary, on either side; holes are filled. "speed" is a constant speed (m/s), or [lowest,
-/// highest] for a vehicle that changes its speed at any time. Where this accuracy would take too much work
+/// true boundary, on either side; holes are filled. Where this accuracy would take too much work
 /// (large turns per step, many steps, high accuracy), polygons are larger and contain the set.
 /// Bounds that forbid straight driving by less than 1e-4 rad/s are treated as allowing it.
+///
+/// "speed" is a constant speed (m/s), or [lowest, highest] for a vehicle that changes its speed at
+/// any time.
 ///
 /// Conservative polygons, areas and boxes are slightly larger, so that they contain the whole set
 /// under all bounds. Where they would take too much work, their error can exceed the accuracy.

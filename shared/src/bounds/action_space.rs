@@ -41,26 +41,26 @@ impl<'a> ActionSpace<'a> {
     /// Checks that there is a level or bin, that turn rates are finite, and that edges ascend.
     ///
     /// # Errors
-    /// [`Invalid`] with the field `actions` or `edges`.
+    /// [`Invalid`] with the field `actions`, also for edges.
     pub fn check(self) -> Result<(), Invalid> {
-        let (field, expected) = match self {
-            Self::Levels(_) => ("actions", "at least one action"),
-            Self::Bins(_) => ("edges", "at least two edges"),
-        };
         if self.is_empty() {
+            let expected = match self {
+                Self::Levels(_) => "at least one action",
+                Self::Bins(_) => "at least two edges of bins",
+            };
             let found = if self.rates().is_empty() { "none" } else { "one" };
-            return Err(Invalid::new(field, expected, found));
+            return Err(Invalid::new("actions", expected, found));
         }
         for (i, &rate) in self.rates().iter().enumerate() {
             if !rate.is_finite() {
-                return Err(Invalid::new(format!("{field}[{i}]"), "a finite number", rate));
+                return Err(Invalid::new(format!("actions[{i}]"), "a finite number", rate));
             }
         }
         if let Self::Bins(edges) = self
             && let Some(i) = edges.windows(2).position(|pair| pair[0] > pair[1])
         {
             let expected = format!("{} rad/s or more: edges ascend", edges[i]);
-            return Err(Invalid::new(format!("edges[{}]", i + 1), expected, edges[i + 1]));
+            return Err(Invalid::new(format!("actions[{}]", i + 1), expected, edges[i + 1]));
         }
         Ok(())
     }
@@ -302,6 +302,9 @@ mod tests {
                     assert!(within(from, to) < q + 1e-6, "case {case}: {from} {to}");
                 }
             }
+            // The result is one of the shortest intervals, or begins and ends like one of them.
+            assert!(within(lo - 1e-9, lo + length + 1e-9) >= q - 1e-6, "case {case}: {lo} {hi}");
+            assert!(within(hi - length - 1e-9, hi + 1e-9) >= q - 1e-6, "case {case}: {lo} {hi}");
         }
     }
 
@@ -310,9 +313,9 @@ mod tests {
         let field = |space: ActionSpace<'_>| space.check().unwrap_err().field;
         assert_eq!(field(ActionSpace::Levels(&[])), "actions");
         assert_eq!(field(ActionSpace::Levels(&[0.0, f64::NAN])), "actions[1]");
-        assert_eq!(field(ActionSpace::Bins(&[])), "edges");
-        assert_eq!(field(ActionSpace::Bins(&[0.0])), "edges");
-        assert_eq!(field(ActionSpace::Bins(&[0.0, 0.1, 0.05])), "edges[2]");
+        assert_eq!(field(ActionSpace::Bins(&[])), "actions");
+        assert_eq!(field(ActionSpace::Bins(&[0.0])), "actions");
+        assert_eq!(field(ActionSpace::Bins(&[0.0, 0.1, 0.05])), "actions[2]");
         assert!(ActionSpace::Bins(&[0.0, 0.0]).check().is_ok());
         let bins = ActionSpace::Bins(&[-0.5, 0.0, 0.0, 0.5]);
         assert_eq!((bins.len(), bins.middle(0), bins.find(0.0, 0.0)), (3, -0.25, Some(1)));

@@ -145,20 +145,18 @@ fn check(
         let expected = format!("{} actions, as in the settings", settings.actions);
         return Err(Invalid::new("actions", expected, actions.len()));
     }
-    let is_range = matches!(actions, ActionSpace::Bins(_));
-    if is_range {
+    if let ActionSpace::Bins(_) = actions {
         actions.check()?;
         if !matches!(settings.choice, ActionChoice::Interval(_)) {
-            let expected = "q, as the model has a range of turn rates";
-            return Err(Invalid::new("choice", expected, &settings.choice));
+            let expected = "q, because the model has bins of turn rates";
+            return Err(Invalid::new("settings", expected, &settings.choice));
         }
     }
     let (least, most) = motion.human_turn_rate;
     let rates = actions.rates();
     if let Some(a) = rates.iter().position(|rate| !(least..=most).contains(rate)) {
         let expected = format!("a turn rate from {least} to {most} rad/s");
-        let field = if is_range { "edges" } else { "actions" };
-        return Err(Invalid::new(format!("{field}[{a}]"), expected, rates[a]));
+        return Err(Invalid::new(format!("actions[{a}]"), expected, rates[a]));
     }
     Ok(())
 }
@@ -348,13 +346,13 @@ mod tests {
         assert!(near(found.sets[1].lo()[1], -0.1) && near(found.sets[1].hi()[1], 0.35));
         let top = BoundsSettings::new(vec![0.0], ActionChoice::TopK(vec![1]), Rollout::Paper, 6);
         let refused = input_bounds(&start(), &parameters, &Range, |_| 0.0, &top.unwrap());
-        assert_eq!(refused.unwrap_err().field, "choice");
+        assert_eq!(refused.unwrap_err().field, "settings");
         let mut slow = parameters;
         slow.human.turn_rate_radps = 0.4;
         let one =
             BoundsSettings::new(vec![0.0], ActionChoice::Interval(vec![0.5]), Rollout::Base, 6);
         let refused = input_bounds(&start(), &slow, &Range, |_| 0.0, &one.unwrap());
-        assert_eq!(refused.unwrap_err().field, "edges[0]");
+        assert_eq!(refused.unwrap_err().field, "actions[0]");
     }
 
     /// Five actions and an asymmetric turn rate.

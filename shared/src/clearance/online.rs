@@ -152,13 +152,19 @@ impl OnlinePredictor {
 
     /// Lets the human choose the speed from a range (m/s), as people on foot do. The sets, the clearances and
     /// [`Self::departure`] then allow every speed of the range. Without this, they assume the constant speed
-    /// of the parameters. Features and roll-outs use that speed in any case.
+    /// of the parameters. Features, roll-outs and calibrations use that speed in any case. So the range must
+    /// contain it: otherwise the sets would not contain the humans of a calibration.
     ///
     /// # Errors
-    /// [`Invalid`] if the range has no speed above 0.
+    /// [`Invalid`] if the range does not contain the human's speed in the parameters.
     pub fn with_speed(self, speed: SpeedRange) -> Result<Self, Invalid> {
         speed.check()?;
-        crate::invalid::positive("speed_mps", speed.hi_mps())?;
+        let usual = self.parameters.human.speed_mps;
+        if !(speed.lo_mps()..=speed.hi_mps()).contains(&usual) {
+            let expected =
+                format!("a range that contains the speed of the parameters, {usual} m/s");
+            return Err(Invalid::new("speed_mps", expected, speed));
+        }
         Ok(Self { speed, ..self })
     }
 

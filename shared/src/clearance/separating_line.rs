@@ -9,10 +9,10 @@ use crate::math::PI;
 use crate::plausibility::Departure;
 use crate::vehicle::{Pose, SpeedRange};
 
-/// The nested sets of a prediction. They contain the human's positions as long as the human drives
-/// like the vehicle. ([`OnlinePredictor`](super::OnlinePredictor) checks this for the last step.
-/// Callers that build a `HumanFuture` themselves should call
-/// [`departure`](crate::plausibility::departure).)
+/// The nested sets of a prediction. They contain the human's positions as long as the human drives at
+/// these speeds and within these bounds. ([`OnlinePredictor`](super::OnlinePredictor) checks this for
+/// the last step. Callers that build a `HumanFuture` themselves should call
+/// [`departure_at`](crate::plausibility::departure_at).)
 #[derive(Clone, Copy, Debug)]
 pub struct HumanFuture<'a> {
     /// The human's present pose (world frame).

@@ -110,25 +110,24 @@ impl Piece {
     /// then begins and ends at the origin. Returns how far outside the curve a path can still be (s of
     /// travel).
     ///
-    /// At a constant speed, the integral ∫d vanishes at both ends of the piece, and its second derivative is at most g. So
-    /// at time s a path is at most (±g − ū)·s(h − s)/2 to the side of the straight line. A circular arc
+    /// At a constant speed v̄, the integral ∫d vanishes at both ends of the piece, and its second derivative is
+    /// at most g. So at time s a path is at most v̄·(±g − ū)·s(h − s)/2 to the side of the straight line. A circular arc
     /// with the height of this parabola lies outside it, and an arc with three quarters of the height
     /// lies inside.
     ///
     /// If the speed is chosen, a path is at most ∫max(D, 0) ≤ Wh²/8 to the side of its mean heading, and the curve
     /// begins at most γWh²/2 to the side of it. A straight line then replaces the arcs.
-    fn add_passed(&self, spread: f64, curve: &mut Curve) -> f64 {
+    fn add_passed(&self, spread: f64, (mean, range): (f64, f64), curve: &mut Curve) -> f64 {
         let (h, rate) = (self.seconds, self.turn / self.seconds);
         let fastest = spread + rate.abs();
         let shortened = cube(h) * fastest * fastest / 12.0 + FLAT * h;
         if self.has_choice_of_speed() {
             curve.begin_at_origin();
-            let range = 2.0 * self.sides[0].norm_sqr().sqrt() / h;
             return shortened + side_of_tube(fastest, range) * h * h;
         }
         let corners = &mut curve.corners;
         let height = |bend: f64, outward: bool| {
-            let full = bend * h * h / 8.0;
+            let full = mean * bend * h * h / 8.0;
             if outward { full } else { 0.75 * full }
         };
         let (right, left) = (-(spread + rate), spread - rate);
@@ -330,7 +329,8 @@ impl Outer {
                     piece.sides.into_iter().for_each(|side| self.curve.stretch(side));
                 }
                 if request.tube {
-                    outside = outside.max(piece.add_passed(spread, &mut self.curve));
+                    let speeds = middle_and_range(paths, step);
+                    outside = outside.max(piece.add_passed(spread, speeds, &mut self.curve));
                 }
                 budget.spend(self.curve.corners.len());
                 if budget.is_spent() {

@@ -162,19 +162,26 @@ fn constant(class: &Class, _: usize, _: &mut SeededRng) -> Vec<SpeedRange> {
     vec![class.speed_mps.into()]
 }
 
-/// One range for all steps, or a range for each step. Some begin at 0 and some have only one speed.
+/// One range for all steps, or a range for each step. Some begin at 0, some have only one speed, and in some
+/// steps the vehicle stands. In a quarter of the sets, every step has only one speed.
 fn ranges(class: &Class, steps: usize, rng: &mut SeededRng) -> Vec<SpeedRange> {
+    let constant = rng.below(4) == 0;
     let range = |rng: &mut SeededRng| {
         let (a, b) = (class.speed_mps * rng.unit(), class.speed_mps * rng.unit());
-        match rng.below(4) {
-            0 => SpeedRange::new(0.0, a),
-            1 => SpeedRange::new(a, a),
+        match rng.below(6) {
+            0 => SpeedRange::new(0.0, 0.0),
+            _ if constant => SpeedRange::new(a, a),
+            1 => SpeedRange::new(0.0, a),
+            2 => SpeedRange::new(a, a),
             _ => SpeedRange::new(a.min(b), a.max(b)),
         }
         .unwrap()
     };
     let count = if rng.below(2) == 0 { 1 } else { steps };
-    (0..count).map(|_| range(rng)).collect()
+    let mut all: Vec<_> = (0..count).map(|_| range(rng)).collect();
+    // At least one step has another speed than 0.
+    all[0] = SpeedRange::new(all[0].lo_mps(), all[0].hi_mps().max(0.1)).unwrap();
+    all
 }
 
 /// Searches for drives that break a guarantee, on two threads and with `sets` bounds of each class.

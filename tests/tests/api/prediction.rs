@@ -362,7 +362,7 @@ async fn bounds_names_what_is_wrong() {
         ("/k", json!([0]), "k[0]: expected"),
         ("/k", json!([]), "k: expected at least one step"),
         ("/k", json!([-1]), "k[0]: expected"),
-        ("/k", Value::Null, "k: expected a list, or tau or q instead, found neither"),
+        ("/k", Value::Null, "k: expected one of k, q and tau (with steps), found none"),
         ("/tau", json!(0.1), "tau: expected none beside k"),
         ("/q", json!([0.9, 0.9]), "q: expected none beside k"),
         ("/steps", json!(5), "steps: expected 2"),
