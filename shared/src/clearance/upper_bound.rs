@@ -365,7 +365,9 @@ impl Farthest {
 
     /// Saves the drive as the first (0) or the second (1) saved drive.
     pub(super) fn keep(&mut self, place: usize) {
-        self.kept[place].clone_from(&self.drive);
+        let Self { drive, kept, .. } = self;
+        kept[place].headings.clone_from(&drive.headings);
+        kept[place].speeds.clone_from(&drive.speeds);
     }
 
     /// The end of a drive that is interpolated between the first (share 0) and the second (share 1)
