@@ -46,7 +46,7 @@ use super::paths::{Paths, unit};
 use crate::math::{PI, cbrt};
 use nalgebra::Complex;
 
-use edges::{Corner, Edge, cross};
+use edges::{Corner, Edge, NOTHING, cross};
 use lines::{coarsen, loosen, outside_by, polyline};
 use swept::Curve;
 
@@ -99,6 +99,11 @@ impl Piece {
             error: cube(seconds) * error_of(paths, step, seconds),
             turn,
         }
+    }
+
+    /// Whether the vehicle stands throughout the piece.
+    fn stands(&self) -> bool {
+        self.moved.norm_sqr() < NOTHING && !self.has_choice_of_speed()
     }
 
     /// Whether the speed can change in the piece.
@@ -302,6 +307,8 @@ impl Outer {
         let farthest = paths.step_s * request.steps as f64 + request.body_point.norm_sqr().sqrt();
         let arcs = OF_ARCS * request.accuracy;
         let (mut error, mut outside, mut kept) = (0.0, 0.0_f64, (0, 0));
+        // The angle of a sweep that was deferred.
+        let mut carried = 0.0;
         // The last turn on the spot moves a body point unless this point is the vehicle's position.
         if let Some(last) = request.steps.checked_sub(1) {
             let angle = self.pieces[last].half_turn;
@@ -321,7 +328,8 @@ impl Outer {
             for place in (0..piece.count).rev() {
                 error += piece.error + ROUNDING;
                 let other = if place > 0 { piece.half_turn } else { before };
-                let angle = (piece.half_turn + other).min(PI);
+                let angle = (piece.half_turn + other + carried).min(PI);
+                carried = 0.0;
                 let corners = &mut self.curve.corners;
                 corners.iter_mut().for_each(|corner| corner.place(piece.turned, piece.moved));
                 if piece.has_choice_of_speed() {
@@ -335,6 +343,13 @@ impl Outer {
                 budget.spend(self.curve.corners.len());
                 if budget.is_spent() {
                     return f64::INFINITY;
+                }
+                // A vehicle that stands only turns, and rotations commute. Two sweeps about the same point
+                // would divide arcs about this point by rounding errors, so they are one sweep.
+                let next = if place > 0 { Some(step) } else { step.checked_sub(1) };
+                if next.is_some_and(|next| self.pieces[next].stands()) {
+                    carried = angle;
+                    continue;
                 }
                 if angle < LEAST_ANGLE {
                     error += angle * farthest;
