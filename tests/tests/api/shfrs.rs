@@ -163,7 +163,7 @@ async fn settings_of_a_file_are_those_of_the_flags() {
     assert_eq!(of("file", &["--settings", &good]).await, of("flags", &flags).await);
     let good = file("shortest", r#""steps":3,"epsilon":[0,0.3,1],"q":[0.9,0.9,0.9]"#);
     let flags = ["--steps", "3", "--epsilon", "0,0.3,1", "--q", "0.9"];
-    assert_eq!(of("shortest", &["--settings", &good]).await, of("flag", &flags).await);
+    assert_eq!(of("interval", &["--settings", &good]).await, of("flag", &flags).await);
 
     let wrong = file("wrong", r#""steps":3,"epsilon":[0.4,0.3],"tau":0.1"#);
     let other = folder.file("other", "{\"format\":\"sidestep-predictor/1\"}");
