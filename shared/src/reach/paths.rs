@@ -194,7 +194,7 @@ impl Paths {
         paths
     }
 
-    /// Like [`Self::new`], but reuses the buffers.
+    /// Replaces the bounds, with one constant speed in all steps, and reuses the buffers.
     pub(super) fn reset(&mut self, bounds: &InputBounds, step_s: f64) {
         self.step_s = step_s;
         self.speeds.clear();
