@@ -210,7 +210,7 @@ impl Human {
     pub(crate) fn actions(&self) -> usize {
         match &self.model {
             Kept::Trained(predictor, _) => predictor.get().predictor.classes().len(),
-            Kept::Own(model) => model.get().actions.len(),
+            Kept::Own(model) => model.get().space().len(),
         }
     }
 
