@@ -205,7 +205,7 @@ impl Behaviour {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::JointState;
+    use crate::scene::Scene;
     use crate::trial::{Phase, simulate};
     use crate::vehicle::Pose;
 
@@ -215,17 +215,15 @@ mod tests {
         let parameters = SceneParameters::default();
         let mut all = vec![TurnInput::Straight; parameters.steps];
         all[..inputs.len()].copy_from_slice(inputs);
-        let start = JointState {
-            human: Pose::new(0.0, 0.0, 0.0),
-            robot: Pose::new(20.0, 1.0, core::f64::consts::PI),
-        };
+        let robot = Pose::new(20.0, 1.0, core::f64::consts::PI);
+        let scene = Scene::new(&parameters, Pose::new(0.0, 0.0, 0.0), robot);
         RecordedTrial {
             line: None,
             number,
             phase: Phase::Task,
             attempt: 1,
             trial_id: None,
-            states: simulate(&parameters, start, &all),
+            states: simulate(&parameters, &scene, &all),
             inputs: all,
             started_at_ms: None,
             sampled_at_ms: None,

@@ -234,7 +234,7 @@ mod tests {
         set.compute_after(None, &history, &safety, &mut before);
         for _ in 0..300 {
             let input = TurnInput::ALL[rng.below(3)];
-            let now = history[history.len() - 1].advance(&parameters, input, 0.7);
+            let now = history[history.len() - 1].advance(&parameters, input, 0.0, 0.7);
             history.push(now);
             set.compute_after(Some(&before), &history, &safety, &mut row);
             set.compute_into(&history, &safety, &mut whole);
@@ -327,7 +327,7 @@ mod tests {
         for step in 0..30 {
             // The human never drives straight on, so that each step counts.
             let input = if step % 3 == 0 { TurnInput::Right } else { TurnInput::Left };
-            history.push(history[step].advance(&parameters, input, 0.17 + 0.01 * step as f64));
+            history.push(history[step].advance(&parameters, input, 0.0, 0.17 + 0.01 * step as f64));
         }
         for feature in FEATURES {
             let set = FeatureSet::of(&[feature.name]).unwrap();

@@ -2,6 +2,7 @@
 
 mod parameters;
 mod state;
+mod robot;
 mod encounter;
 mod range;
 mod rules;
@@ -15,6 +16,7 @@ pub use design::{generate, generate_with};
 pub use encounter::Encounter;
 pub use parameters::{Evader, SceneParameters};
 pub use range::EncounterRange;
+pub use robot::{RobotPolicy, RobotsVary, Rule, ScriptedTurn};
 pub use rules::{SceneRules, is_admissible};
 pub use state::{JointState, Scene, closest_within_step};
 pub use strata::{Coordinate, Strata, Stratification};

@@ -13,7 +13,8 @@ pub use recruitment::{Recruitment, is_id, normalised_id};
 
 use crate::invalid::Invalid;
 use crate::scene::{
-    EncounterRange, Scene, SceneParameters, StratifiedScene, counterbalanced, generate,
+    Coordinate, EncounterRange, RobotPolicy, RobotsVary, Scene, SceneParameters, StratifiedScene,
+    counterbalanced, generate,
 };
 use crate::trial::Phase;
 use serde::{Deserialize, Serialize};
@@ -43,6 +44,13 @@ pub struct StudyConfig {
     pub parameters: SceneParameters,
     /// The encounters from which scenes are drawn.
     pub encounters: EncounterRange,
+    /// The robots that participants meet, at most 8. Default: none, which is one robot that drives
+    /// straight to its goal.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub robots: Vec<RobotPolicy>,
+    /// How the robots are divided among participants and scenes. Default: `within`.
+    #[serde(skip_serializing_if = "is_default")]
+    pub robots_vary: RobotsVary,
     /// Seed of the scenes, 0 to 4 294 967 295. With another seed, the participants of the same
     /// study get other scenes. Default: 0.
     pub seed: u32,
@@ -131,6 +139,8 @@ impl Default for StudyConfig {
             languages: Vec::new(),
             parameters: SceneParameters::default(),
             encounters: EncounterRange::default(),
+            robots: Vec::new(),
+            robots_vary: RobotsVary::default(),
             seed: 0,
             phases: vec![
                 phase(Phase::Familiarisation, 6, true),
@@ -147,6 +157,14 @@ impl Default for StudyConfig {
         }
     }
 }
+
+/// Whether a setting has its default value, so that yesterday's configurations keep their hashes.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+/// Maximum number of robots in a study.
+const MAX_ROBOTS: usize = 8;
 
 /// Maximum number of scenes in one phase. An hour of driving is 360 scenes.
 const MAX_SCENES: usize = 1000;
@@ -178,6 +196,7 @@ impl StudyConfig {
         }
         self.parameters.check().map_err(|e| e.within("parameters"))?;
         self.encounters.check().map_err(|e| e.within("encounters"))?;
+        self.check_robots()?;
         if self.phases.is_empty() {
             return Err(Invalid::new("phases", "at least one phase", "none"));
         }
@@ -196,6 +215,34 @@ impl StudyConfig {
             }
         }
         self.check_protocol()
+    }
+
+    fn check_robots(&self) -> Result<(), Invalid> {
+        if self.robots.len() > MAX_ROBOTS {
+            let expected = format!("at most {MAX_ROBOTS} robots");
+            return Err(Invalid::new("robots", expected, self.robots.len()));
+        }
+        for (i, robot) in self.robots.iter().enumerate() {
+            let within = |error: Invalid| error.within(&format!("robots[{i}]"));
+            robot.check(&self.parameters).map_err(within)?;
+            if self.robots[..i].iter().any(|other| other.name == robot.name) {
+                return Err(within(Invalid::new("name", "each name once", &robot.name)));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a robot of the study can leave the straight line to its goal.
+    #[must_use]
+    pub fn robots_turn(&self) -> bool {
+        self.robots.iter().any(RobotPolicy::may_turn)
+    }
+
+    /// The robot in a scene with this approach stratum of the participant at `place`. `None` if the
+    /// study names no robots.
+    fn robot_at(&self, place: u64, approach_stratum: usize) -> Option<Box<RobotPolicy>> {
+        let robot = self.robots_vary.robot(self.robots.len(), place, approach_stratum);
+        self.robots.get(robot).cloned().map(Box::new)
     }
 
     fn check_protocol(&self) -> Result<(), Invalid> {
@@ -333,7 +380,11 @@ impl StudyConfig {
     pub fn plan(&self, seed: u64) -> Result<Vec<(PhaseConfig, Vec<Scene>)>, Invalid> {
         self.each_phase(seed, |phase, seed| {
             let scenes = generate(&self.parameters, &self.encounters, phase.scenes, seed)?;
-            Ok(scenes.into_iter().map(|(scene, _)| scene).collect())
+            let with_robot = |(i, (scene, _)): (usize, (Scene, _))| Scene {
+                policy: self.robot_at(0, i),
+                ..scene
+            };
+            Ok(scenes.into_iter().enumerate().map(with_robot).collect())
         })
     }
 
@@ -347,7 +398,13 @@ impl StudyConfig {
         place: u64,
     ) -> Result<Vec<(PhaseConfig, Vec<StratifiedScene>)>, Invalid> {
         self.each_phase(u64::from(self.seed), |phase, seed| {
-            counterbalanced(&self.parameters, &self.encounters, phase.scenes, seed, place)
+            let (parameters, range) = (&self.parameters, &self.encounters);
+            let mut scenes = counterbalanced(parameters, range, phase.scenes, seed, place)?;
+            for planned in &mut scenes {
+                let stratum = planned.planned[Coordinate::Approach as usize];
+                planned.scene.policy = self.robot_at(place, stratum);
+            }
+            Ok(scenes)
         })
     }
 

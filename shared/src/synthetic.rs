@@ -89,7 +89,8 @@ impl SyntheticParticipant {
     pub fn own_trial(&self, trial: u64, keys: Keys) -> (Scene, SyntheticDrive) {
         let parameters = SceneParameters::default();
         let (scene, stream) = self.own_scene(&parameters, trial);
-        (scene, self.drive_on(stream, &parameters, &scene, keys))
+        let drive = self.drive_on(stream, &parameters, &scene, keys);
+        (scene, drive)
     }
 
     /// The scene of [`Self::own_trial`], and the random stream of the drive.
@@ -157,8 +158,10 @@ impl SyntheticParticipant {
             key_changes: Vec::new(),
         };
         let (mut state, mut key) = (scene.start(), TurnInput::Straight);
+        drive.states.push(state);
         for step in 0..parameters.steps {
             let (begin, begin_ms) = (state, step as f64 * step_ms);
+            let robot_radps = scene.robot_turn_rate(parameters, &drive.states);
             let mut held = key;
             for tick in 0..ticks as usize {
                 let t_s = (step * ticks as usize + tick) as f64 * tick_s;
@@ -172,23 +175,22 @@ impl SyntheticParticipant {
                     held = key;
                 }
                 state = match keys {
-                    Keys::Free => advance_unwrapped(parameters, state, key, tick_s),
+                    Keys::Free => advance_unwrapped(parameters, state, key, robot_radps, tick_s),
                     Keys::Clock => {
                         let gone = (tick + 1) as f64 * tick_s;
-                        begin.advance(parameters, held, gone)
+                        begin.advance(parameters, held, robot_radps, gone)
                     }
                 };
             }
             if keys == Keys::Clock {
                 // Advances over the whole step in one call, because the sum of its ticks can differ
                 // from `step_s` in the last digit.
-                state = begin.advance(parameters, held, parameters.step_s);
+                state = begin.advance(parameters, held, robot_radps, parameters.step_s);
             }
             drive.inputs.push(held);
-            drive.states.push(begin);
+            drive.states.push(state);
             drive.sampled_at_ms.push(begin_ms);
         }
-        drive.states.push(state);
         drive
     }
 }
@@ -198,15 +200,15 @@ fn advance_unwrapped(
     parameters: &SceneParameters,
     state: JointState,
     input: TurnInput,
+    robot_radps: f64,
     seconds: f64,
 ) -> JointState {
-    let along = |vehicle: &VehicleModel, pose: Pose, input| {
-        let rate = vehicle.turn_rate(input);
+    let along = |vehicle: &VehicleModel, pose: Pose, rate: f64| {
         let arc = dubins::arc(pose, vehicle.speed_mps, rate, seconds);
         Pose { psi: pose.psi + rate * seconds, ..arc }
     };
     JointState {
-        human: along(&parameters.human, state.human, input),
-        robot: along(&parameters.robot, state.robot, TurnInput::Straight),
+        human: along(&parameters.human, state.human, parameters.human.turn_rate(input)),
+        robot: along(&parameters.robot, state.robot, robot_radps),
     }
 }

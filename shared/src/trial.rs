@@ -48,19 +48,20 @@ impl Phase {
     }
 }
 
-/// Simulates `inputs` from `start`. Returns the states before each step and after the last step,
-/// one more than inputs.
+/// Simulates `inputs` in `scene`. Returns the states before each step and after the last step, one
+/// more than inputs.
 #[must_use]
 pub fn simulate(
     parameters: &SceneParameters,
-    start: JointState,
+    scene: &Scene,
     inputs: &[TurnInput],
 ) -> Vec<JointState> {
     let mut states = Vec::with_capacity(inputs.len() + 1);
-    let mut state = start;
+    let mut state = scene.start();
     states.push(state);
     for &input in inputs {
-        state = state.advance(parameters, input, parameters.step_s);
+        let robot_radps = scene.robot_turn_rate(parameters, &states);
+        state = state.advance(parameters, input, robot_radps, parameters.step_s);
         states.push(state);
     }
     states
@@ -80,15 +81,19 @@ pub struct Replay {
     pub max_heading_error_rad: f64,
 }
 
-/// Replays `inputs` from `start` and compares the result with the recorded `states`.
+/// Replays `inputs` in `scene` and compares the result with the recorded `states`.
 #[must_use]
 pub fn verify(
     parameters: &SceneParameters,
-    start: JointState,
+    scene: &Scene,
     inputs: &[TurnInput],
     states: &[JointState],
 ) -> Replay {
-    let replayed = simulate(parameters, start, inputs);
+    compare(&simulate(parameters, scene, inputs), states)
+}
+
+/// Compares `replayed` states with the recorded `states`.
+pub(crate) fn compare(replayed: &[JointState], states: &[JointState]) -> Replay {
     let bits =
         |s: &JointState| [s.human, s.robot].map(|pose| <[f64; 3]>::from(pose).map(f64::to_bits));
     let first_difference = (0..replayed.len().max(states.len()))
@@ -124,12 +129,36 @@ pub struct Outcome {
 /// [`Pose::MOST`](crate::vehicle::Pose::MOST) (m).
 const ROUNDING_M: f64 = 1e-6;
 
-/// The outcome of `inputs` along `states`. There is one more state than inputs.
+/// The outcome of `inputs` along `states`. There is one more state than inputs. Within a step, the
+/// robot turns evenly from one state to the next.
 #[must_use]
 pub fn outcome(
     parameters: &SceneParameters,
     inputs: &[TurnInput],
     states: &[JointState],
+) -> Outcome {
+    outcome_with(parameters, inputs, states, |state, next| {
+        state.robot_turned(next) / parameters.step_s
+    })
+}
+
+/// Like [`outcome`], but as if the robot drove straight within each step. This was the outcome of
+/// recorded states before robots could turn.
+#[must_use]
+pub fn outcome_of_straight_robot(
+    parameters: &SceneParameters,
+    inputs: &[TurnInput],
+    states: &[JointState],
+) -> Outcome {
+    outcome_with(parameters, inputs, states, |_, _| 0.0)
+}
+
+/// The outcome if the robot's turn rate (rad/s) between two states is `robot_radps`.
+fn outcome_with(
+    parameters: &SceneParameters,
+    inputs: &[TurnInput],
+    states: &[JointState],
+    robot_radps: impl Fn(&JointState, &JointState) -> f64,
 ) -> Outcome {
     let start_m = states.first().map_or(f64::INFINITY, JointState::distance_m);
     // Skip steps that begin farther away than `far_m`, which are most steps of a trial. A step can
@@ -150,7 +179,8 @@ pub fn outcome(
         if state.distance_m() > far_m {
             continue;
         }
-        let closest = closest_within_step(parameters, state, input);
+        let turned = states.get(step + 1).map_or(0.0, |next| robot_radps(&state, next));
+        let closest = closest_within_step(parameters, state, input, turned);
         closest_m = closest_m.min(closest);
         if closest <= parameters.danger_radius_m && first_step_in_danger.is_none() {
             first_step_in_danger = Some(step);
@@ -252,7 +282,8 @@ pub fn flags(
 ) -> Vec<Flag> {
     let start_differs = states.first() != Some(&scene.start());
     let recorded_start = states.first().copied().unwrap_or_else(|| scene.start());
-    let replay_differs = !verify(parameters, recorded_start, inputs, states).exact;
+    let driven = scene.starting_at(recorded_start);
+    let replay_differs = !verify(parameters, &driven, inputs, states).exact;
     let origin = sampled_at_ms.first().copied().unwrap_or(0.0);
     let late = sampled_at_ms.iter().enumerate().any(|(step, at)| {
         let due = step as f64 * parameters.step_s * 1000.0;
@@ -277,10 +308,11 @@ mod tests {
 
     fn driven() -> (SceneParameters, Scene, Vec<TurnInput>, Vec<JointState>) {
         let parameters = SceneParameters::default();
-        let (scene, _) = generate(&parameters, &EncounterRange::default(), 1, 5).unwrap()[0];
+        let drawn = generate(&parameters, &EncounterRange::default(), 1, 5).unwrap();
+        let scene = drawn[0].0.clone();
         let mut inputs = vec![TurnInput::Straight; 50];
         inputs[10..30].fill(TurnInput::Left);
-        let states = simulate(&parameters, scene.start(), &inputs);
+        let states = simulate(&parameters, &scene, &inputs);
         (parameters, scene, inputs, states)
     }
 
@@ -318,7 +350,7 @@ mod tests {
     #[test]
     fn an_honest_recording_replays_exactly() {
         let (parameters, scene, inputs, states) = driven();
-        let replay = verify(&parameters, scene.start(), &inputs, &states);
+        let replay = verify(&parameters, &scene, &inputs, &states);
         assert!(replay.exact);
         assert_eq!(replay.max_position_error_m, 0.0);
         assert_eq!(flags(&parameters, &scene, &inputs, &states, &on_time()), []);
@@ -329,7 +361,7 @@ mod tests {
     fn a_changed_bit_is_noticed() {
         let (parameters, scene, inputs, mut states) = driven();
         states[17].human.x = f64::from_bits(states[17].human.x.to_bits() + 1);
-        let replay = verify(&parameters, scene.start(), &inputs, &states);
+        let replay = verify(&parameters, &scene, &inputs, &states);
         assert_eq!(replay.first_difference, Some(17));
         assert_eq!(
             flags(&parameters, &scene, &inputs, &states, &on_time()),
@@ -342,7 +374,7 @@ mod tests {
         let (parameters, scene, inputs, _) = driven();
         let mut start = scene.start();
         start.human.x += 1.0;
-        let states = simulate(&parameters, start, &inputs);
+        let states = simulate(&parameters, &scene.starting_at(start), &inputs);
         let mut sampled = on_time();
         sampled[20] += 60.0;
         assert_eq!(
@@ -364,9 +396,12 @@ mod tests {
         inputs: &[TurnInput],
         states: &[JointState],
     ) -> (f64, Option<usize>) {
-        let steps = states.iter().zip(inputs);
-        let closest: Vec<f64> =
-            steps.map(|(&state, &input)| closest_within_step(parameters, state, input)).collect();
+        let steps = states.windows(2).zip(inputs);
+        let closest_in = |(pair, &input): (&[JointState], &TurnInput)| {
+            let robot_radps = pair[0].robot_turned(&pair[1]) / parameters.step_s;
+            closest_within_step(parameters, pair[0], input, robot_radps)
+        };
+        let closest: Vec<f64> = steps.map(closest_in).collect();
         let least = closest.iter().copied().fold(states[0].distance_m(), f64::min);
         (least, closest.iter().position(|closest| *closest <= parameters.danger_radius_m))
     }
@@ -386,7 +421,8 @@ mod tests {
             };
             let start = JointState { human: pose(), robot: pose() };
             let inputs: Vec<_> = (0..50).map(|_| TurnInput::ALL[rng.below(3)]).collect();
-            let mut states = simulate(&parameters, start, &inputs);
+            let scene = Scene::new(&parameters, start.human, start.robot);
+            let mut states = simulate(&parameters, &scene, &inputs);
             if case % 4 == 0 {
                 // States of a file need not follow from its inputs.
                 states[rng.below(51)].human.x += rng.uniform(-20.0, 20.0);
@@ -403,7 +439,7 @@ mod tests {
     fn driving_on_enters_the_danger_zone() {
         let (parameters, scene, ..) = driven();
         let inputs = vec![TurnInput::Straight; 50];
-        let states = simulate(&parameters, scene.start(), &inputs);
+        let states = simulate(&parameters, &scene, &inputs);
         let outcome = outcome(&parameters, &inputs, &states);
         assert!(outcome.closest_m <= 3.0);
         assert!(outcome.first_step_in_danger.unwrap() >= 9);

@@ -358,7 +358,9 @@ impl Playback {
         let begun = within_s > ROUNDING * parameters.step_s;
         let state = match inputs.get(step) {
             None => states[step],
-            Some(&input) => states[step].advance(parameters, input, within_s),
+            Some(&input) => {
+                states[step].within_step(parameters, input, &states[step + 1], within_s)
+            }
         };
         self.now = Now { time_s, step, state };
         self.history.clear();

@@ -8,6 +8,15 @@ use sidestep::scene::{JointState, Scene, SceneParameters};
 use sidestep::trial::{PageEvent, PageEventKind};
 use sidestep::vehicle::TurnInput;
 
+/// The robot's turn rate (rad/s) in the step that begins in the last of these states.
+pub type RobotTurnRate = fn(&SceneParameters, &Scene, &[JointState]) -> f64;
+
+/// The turn rate of a robot that drives straight.
+#[must_use]
+pub fn straight(_: &SceneParameters, _: &Scene, _: &[JointState]) -> f64 {
+    0.0
+}
+
 /// A scene in progress.
 ///
 /// Steps follow the clock, never the number of frames. Step i is due i · `step_s` after the start.
@@ -17,6 +26,8 @@ use sidestep::vehicle::TurnInput;
 #[derive(Clone, Debug)]
 pub struct Drive {
     parameters: SceneParameters,
+    scene: Scene,
+    robot_turn_rate: RobotTurnRate,
     keys: KeyMap,
     /// Start time on the page's clock (ms).
     start_ms: f64,
@@ -45,12 +56,13 @@ const DROPPED: f64 = 1.5;
 const USUAL_RATE_HZ: f64 = 250.0;
 
 impl Drive {
-    /// Creates a scene that starts at `start_ms` on the page's clock. `started_at_ms` is the same
+    /// Creates a scene, whose robot turns as `robot_turn_rate` says, that starts at `start_ms` on the page's clock. `started_at_ms` is the same
     /// instant in milliseconds since 1970. `held` contains the keys that are already down.
     #[must_use]
     pub fn new(
         parameters: SceneParameters,
         scene: &Scene,
+        robot_turn_rate: RobotTurnRate,
         start_ms: f64,
         started_at_ms: f64,
         keys: &KeyMap,
@@ -62,6 +74,8 @@ impl Drive {
         states.push(scene.start());
         Self {
             parameters,
+            scene: scene.clone(),
+            robot_turn_rate,
             keys: keys.clone(),
             start_ms,
             started_at_ms,
@@ -114,9 +128,21 @@ impl Drive {
         let input = input_at(&self.key_events, due, &self.keys);
         if self.inputs[step] != input {
             self.inputs[step] = input;
-            let begun = self.states[step];
-            self.states[step + 1] = begun.advance(&self.parameters, input, self.parameters.step_s);
+            self.states.truncate(step + 1);
+            self.advance(input);
         }
+    }
+
+    /// Appends the state after the last state and a step with this input.
+    fn advance(&mut self, input: TurnInput) {
+        let robot_radps = (self.robot_turn_rate)(&self.parameters, &self.scene, &self.states);
+        let state = self.states[self.states.len() - 1];
+        self.states.push(state.advance(
+            &self.parameters,
+            input,
+            robot_radps,
+            self.parameters.step_s,
+        ));
     }
 
     /// The input of each step that has begun.
@@ -149,8 +175,7 @@ impl Drive {
                 return true;
             }
             let input = input_at(&self.key_events, step as f64 * self.step_ms(), &self.keys);
-            let state = self.states[step];
-            self.states.push(state.advance(&self.parameters, input, self.parameters.step_s));
+            self.advance(input);
             self.inputs.push(input);
             self.sampled_at_ms.push(now_ms - self.start_ms);
         }
@@ -168,7 +193,7 @@ impl Drive {
         let begun = self.start_ms + step as f64 * self.step_ms();
         // `clamp` would add code that formats both bounds, which is a tenth of the page's download.
         let into = ((at_ms - begun) / 1000.0).max(0.0).min(self.parameters.step_s);
-        self.states[step].advance(&self.parameters, input, into)
+        self.states[step].within_step(&self.parameters, input, &self.states[step + 1], into)
     }
 
     /// Time since the start (s).
@@ -257,7 +282,9 @@ mod tests {
     use sidestep::trial::{flags, verify};
 
     fn scene() -> Scene {
-        generate(&SceneParameters::default(), &EncounterRange::default(), 1, 4).unwrap()[0].0
+        generate(&SceneParameters::default(), &EncounterRange::default(), 1, 4).unwrap()[0]
+            .0
+            .clone()
     }
 
     fn held(key: &str, since_ms: f64) -> HeldKeys {
@@ -268,7 +295,7 @@ mod tests {
 
     fn begin(start_ms: f64, held: &HeldKeys) -> Drive {
         let (parameters, keys) = (SceneParameters::default(), KeyMap::default());
-        Drive::new(parameters, &scene(), start_ms, 1.7e12, &keys, held)
+        Drive::new(parameters, &scene(), straight, start_ms, 1.7e12, &keys, held)
     }
 
     /// Drives a scene with frames and key events at the given times.
@@ -301,7 +328,7 @@ mod tests {
         let trial = drive((0..).map(|i| 1000.0 + f64::from(i) * 16.7), KEYS);
         trial.check(&parameters).unwrap();
         assert_eq!((trial.inputs.len(), trial.states.len()), (50, 51));
-        assert!(verify(&parameters, scene().start(), &trial.inputs, &trial.states).exact);
+        assert!(verify(&parameters, &scene(), &trial.inputs, &trial.states).exact);
         assert_eq!(
             flags(&parameters, &scene(), &trial.inputs, &trial.states, &trial.sampled_at_ms),
             []
@@ -339,7 +366,7 @@ mod tests {
         drive.tick(1400.0);
         let inputs = [TurnInput::Straight, TurnInput::Left, TurnInput::Straight];
         assert_eq!(drive.inputs, inputs);
-        assert!(verify(&drive.parameters, scene().start(), &drive.inputs, &drive.states).exact);
+        assert!(verify(&drive.parameters, &scene(), &drive.inputs, &drive.states).exact);
     }
 
     #[test]

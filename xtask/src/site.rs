@@ -27,8 +27,9 @@ pub(crate) use self::publish::publish;
 use crate::workspace::Runs;
 
 /// The programs of the web client (its binary targets), and where each of them runs.
-pub(crate) const ENTRIES: [(&str, Runs); 8] = [
+pub(crate) const ENTRIES: [(&str, Runs); 9] = [
     (PARTICIPANT, Runs::InPage),
+    (PARTICIPANT_ROBOTS, Runs::InPage),
     ("lab", Runs::InPage),
     ("viewer", Runs::InPage),
     ("reachability", Runs::InPage),
@@ -39,10 +40,14 @@ pub(crate) const ENTRIES: [(&str, Runs); 8] = [
 ];
 
 /// The programs that pages start when they load.
-pub(crate) const PAGE_ENTRIES: [&str; 5] = [PARTICIPANT, "lab", "viewer", "reachability", "demo"];
+pub(crate) const PAGE_ENTRIES: [&str; 6] =
+    [PARTICIPANT, PARTICIPANT_ROBOTS, "lab", "viewer", "reachability", "demo"];
 
 /// The program that every participant downloads.
 const PARTICIPANT: &str = "participant";
+
+/// The program that every participant of a study with robots that follow rules downloads instead.
+const PARTICIPANT_ROBOTS: &str = "participant_robots";
 
 /// The program that computes value functions. Pages reference it but start it (in a worker) only
 /// when they need it.
@@ -147,7 +152,7 @@ pub(crate) fn compose(sources: Files, bundles: Vec<Bundle>) -> Result<Site> {
     }
 
     let mut pages = Vec::new();
-    for (name, content) in html {
+    for (name, content) in with_robots(html)? {
         let text = utf8(&name, content)?;
         let filled = placeholders::fill(&name, &text, &assets)?;
         files.insert(name.clone(), filled.text.into_bytes());
@@ -160,6 +165,16 @@ pub(crate) fn compose(sources: Files, bundles: Vec<Bundle>) -> Result<Site> {
         pages.push(Page { name: entry.to_owned(), entries: Vec::new(), assets: files });
     }
     Ok(Site { files, pages })
+}
+
+/// Adds the participant's page with the program for robots that follow rules.
+fn with_robots(mut html: Files) -> Result<Files> {
+    if let Some(page) = html.get("participant.html").cloned() {
+        let page = utf8("participant.html", page)?;
+        let page = page.replace("{{participant.", "{{participant_robots.");
+        html.insert("participant_robots.html".to_owned(), page.into_bytes());
+    }
+    Ok(html)
 }
 
 /// Adds `content` as an asset whose file name contains its hash.

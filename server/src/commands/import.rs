@@ -19,7 +19,7 @@ use sidestep::recording::{Fault, RecordedParticipant, RecordedTrial};
 use sidestep::scene::{Scene, SceneParameters};
 use sidestep::study::StudyConfig;
 use sidestep::synthetic;
-use sidestep::trial::{Flag, Record, flags, outcome};
+use sidestep::trial::{Flag, Record, flags, outcome, verify};
 use std::fmt::Display;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -95,7 +95,8 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     let config = known.map_or_else(|| Arc::new(wanted), |study| study.config);
     let reasons = excluded_beside(&args.trials)?;
     let interrupt = Interrupt::listen();
-    let (parameters, only_synthetic) = (config.parameters, config.synthetic);
+    let (study, only_synthetic) = (Arc::clone(&config), config.synthetic);
+    let parameters = study.parameters;
     let checking = tokio::task::spawn_blocking(move || source.checked(&parameters));
     let checked = interrupt.unless_stopped(checking).await?.map_err(CommandError::failure)?;
     let (file, dialect) = checked.map_err(|error| complain(&error))?;
@@ -122,7 +123,7 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
                 return ControlFlow::Break(());
             }
             let exclusion = reasons.get(&person.name).cloned();
-            batch.add(&parameters, person, exclusion);
+            batch.add(&study, person, exclusion);
             let is_full = batch.trials >= BATCH;
             match is_full && sender.blocking_send(std::mem::take(&mut batch)).is_err() {
                 true => ControlFlow::Break(()),
@@ -187,16 +188,11 @@ struct Batch {
 }
 
 impl Batch {
-    fn add(
-        &mut self,
-        parameters: &SceneParameters,
-        person: RecordedParticipant,
-        exclusion: Option<String>,
-    ) {
+    fn add(&mut self, study: &StudyConfig, person: RecordedParticipant, exclusion: Option<String>) {
         let line = |trial: &RecordedTrial| Some((trial.trial_id.clone()?, trial.line?));
         self.lines.extend(person.trials.iter().filter_map(line));
         self.trials += person.trials.len();
-        self.people.push(NewImport { exclusion, ..import_of(parameters, person) });
+        self.people.push(NewImport { exclusion, ..import_of(study, person) });
     }
 }
 
@@ -248,7 +244,7 @@ impl Done {
 }
 
 /// Converts a participant of the file for the store.
-fn import_of(parameters: &SceneParameters, person: RecordedParticipant) -> NewImport {
+fn import_of(study: &StudyConfig, person: RecordedParticipant) -> NewImport {
     let display = match synthetic::recognised(std::slice::from_ref(&person)) {
         Some(_) => r#"{"synthetic":true}"#,
         None => "{}",
@@ -257,10 +253,10 @@ fn import_of(parameters: &SceneParameters, person: RecordedParticipant) -> NewIm
     let mut hash = Sha256::new();
     hash.update(person.name.as_bytes());
     let trials = person.trials.into_iter().map(|trial| {
-        let row = planned(parameters, &rows, &trial);
+        let (row, trial) = planned(study, &rows, trial);
         hash.update(trial.phase.word());
         hash.update(trial.number.to_le_bytes());
-        let new = imported(parameters, &row, trial, display);
+        let new = imported(&study.parameters, &row, trial, display);
         hash.update(new.content_hash);
         rows.push(row.clone());
         (row, new)
@@ -304,14 +300,31 @@ fn imported(
 
 /// The planned scene of a trial, given the planned scenes of the `earlier` trials. A file has no plan,
 /// so the scene is derived from the trial's first state. A trial that the file marks as a further
-/// attempt gets the index of the earlier trial with the same scene, if there is one.
+/// attempt gets the index of the earlier trial with the same scene, if there is one. A file does not
+/// say which of the study's robots the trial has, so the rules that move it as recorded tell, and
+/// its state after the last step follows from that robot.
 fn planned(
-    parameters: &SceneParameters,
+    study: &StudyConfig,
     earlier: &[PlannedRow],
-    trial: &RecordedTrial,
-) -> PlannedRow {
-    let start = trial.states[0];
-    let scene = Scene::new(parameters, start.human, start.robot);
+    mut trial: RecordedTrial,
+) -> (PlannedRow, RecordedTrial) {
+    let (parameters, start) = (&study.parameters, trial.states[0]);
+    let mut scene = Scene::new(parameters, start.human, start.robot);
+    let last = trial.inputs.len().saturating_sub(1);
+    let (inputs, states) = (&trial.inputs[..last], &trial.states[..=last]);
+    let candidates = study.robots.iter().map(|robot| {
+        let candidate = Scene { policy: Some(Box::new(robot.clone())), ..scene.clone() };
+        let replay = verify(parameters, &candidate, inputs, states);
+        (replay.max_position_error_m + replay.max_heading_error_rad, candidate)
+    });
+    if let Some((_, nearest)) = candidates.min_by(|(a, _), (b, _)| a.total_cmp(b)) {
+        scene = nearest;
+        if let (Some(&input), Some(before)) = (trial.inputs.last(), states.last()) {
+            let robot_radps = scene.robot_turn_rate(parameters, states);
+            trial.states[last + 1] =
+                before.advance(parameters, input, robot_radps, parameters.step_s);
+        }
+    }
     let in_phase = || earlier.iter().filter(|row| row.phase == trial.phase);
     let first = in_phase().find(|row| row.scene == scene).filter(|_| trial.attempt > 1);
     let is_taken =
@@ -320,7 +333,7 @@ fn planned(
         Some(first) if !is_taken(first.index) => (first.index, trial.attempt),
         _ => (in_phase().map(|row| row.index + 1).max().unwrap_or(0), 1),
     };
-    PlannedRow {
+    let row = PlannedRow {
         trial_id: trial.trial_id.clone().unwrap_or_else(|| Uuid::new_v4().to_string()),
         ordinal: earlier.len() as i64,
         phase: trial.phase,
@@ -328,7 +341,8 @@ fn planned(
         attempt,
         scene,
         stored: false,
-    }
+    };
+    (row, trial)
 }
 
 /// The flags of a trial: the flags computed from the recording, the flags in the file, and `imported`.

@@ -224,7 +224,7 @@ fn scenes(
 fn reach_m(parameters: &SceneParameters, shown: &[StratifiedScene]) -> f64 {
     let ends = shown.iter().flat_map(|scene| {
         let start = scene.scene.start();
-        let end = start.advance(parameters, TurnInput::Straight, parameters.duration_s());
+        let end = start.advance(parameters, TurnInput::Straight, 0.0, parameters.duration_s());
         [start.human, start.robot, end.human, end.robot].map(|pose| pose.position())
     });
     1.12 * ends.flatten().map(f64::abs).fold(1.0, f64::max)
@@ -243,7 +243,7 @@ fn one(
     let axis = || Axis::ticked("", "", [-reach, reach], Vec::new());
     let mut chart = Chart::new("", "", axis(), axis());
     let start = scene.start();
-    let at = |seconds: f64| start.advance(parameters, TurnInput::Straight, seconds);
+    let at = |seconds: f64| start.advance(parameters, TurnInput::Straight, 0.0, seconds);
     let JointState { human, robot } = at(parameters.duration_s());
     let path = |from: Point, to: Point, colour: colours::Colour| {
         Series::drawn("", [from, to], Pen::new(colour.at(0.8), 1.2).dashed(4.0, 3.0))

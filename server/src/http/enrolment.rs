@@ -172,6 +172,7 @@ pub fn plan(config: &StudyConfig, rows: &[PlannedRow]) -> Plan {
         human: row.scene.human,
         robot: row.scene.robot,
         goal: row.scene.goal,
+        policy: row.scene.policy.clone(),
     };
     let phase = |phase: &PhaseConfig| PlannedPhase {
         phase: phase.phase,

@@ -113,7 +113,7 @@ pub async fn trial(
     let synthetic = trial.is_synthetic();
     let Content { inputs, states, .. } = trial.content;
     let start = states.first().copied().unwrap_or_else(|| trial.scene.start());
-    let replay = verify(&parameters, start, &inputs, &states);
+    let replay = verify(&parameters, &trial.scene.starting_at(start), &inputs, &states);
     let hash = &trial.config_hash;
     let value_function_hr = app.store.value_function_id(hash, Evader::Human).await?;
     let value_function_rh = app.store.value_function_id(hash, Evader::Robot).await?;

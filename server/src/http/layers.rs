@@ -170,7 +170,7 @@ mod tests {
         let inputs = vec![TurnInput::Left; parameters.steps];
         let upload: TrialUpload = TrialUpload {
             started_at_ms: 1.0,
-            states: simulate(&parameters, planned.scene().start(), &inputs),
+            states: simulate(&parameters, &planned.scene(), &inputs),
             sampled_at_ms: (0..inputs.len()).map(|step| 200.0 * step as f64).collect(),
             inputs,
             key_events: Vec::new(),

@@ -86,7 +86,7 @@ pub async fn drives(
         let TrialHead { trial_id, phase, index, attempt, .. } = &trial.head;
         let words = scene_words(*phase, *index, *attempt);
         let Content { inputs, states, .. } = &trial.content;
-        Drive::new(trial_id.clone(), words, trial.scene, inputs, states)
+        Drive::new(trial_id.clone(), words, trial.scene.clone(), inputs, states)
     };
     Ok(Json(Drives {
         synthetic: is_synthetic(&found, &config),

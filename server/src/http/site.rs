@@ -3,6 +3,7 @@
 
 use crate::http::app::App;
 use crate::http::error::ApiError;
+use crate::http::params::PathText;
 use crate::http::studies::gate;
 use axum::extract::{Request, State};
 use axum::http::{HeaderValue, StatusCode, header};
@@ -13,6 +14,7 @@ use axum::{Extension, Router};
 use minijinja::{AutoEscape, Environment, context};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use tower::ServiceExt as _;
 use tower_http::services::{ServeDir, ServeFile};
 
 /// A folder with a client bundle.
@@ -25,9 +27,10 @@ pub struct Site {
     demo_is_open: bool,
 }
 
-const PAGES: [&str; 7] = [
+const PAGES: [&str; 8] = [
     "index.html",
     "participant.html",
+    "participant_robots.html",
     "lab.html",
     "viewer.html",
     "reachability.html",
@@ -80,10 +83,11 @@ pub fn default_folder() -> PathBuf {
 pub fn routes(site: &Site) -> Router<Arc<App>> {
     let page =
         |name: &str| ServeFile::new(site.folder.join(name)).precompressed_br().precompressed_gzip();
+    let both = ["participant.html", "participant_robots.html"].map(page);
     let first = Home { page: site.home.as_str().into(), demo_is_open: site.demo_is_open };
     let mut pages = Router::new()
         .route("/", get(home).layer(Extension(first)))
-        .route_service("/s/{slug}", page("participant.html"))
+        .route("/s/{slug}", get(participant).layer(Extension(Participant(both))))
         .route_service("/lab", page("lab.html"))
         .route_service("/lab/{*rest}", page("lab.html"))
         .route_service("/lab/replay/{id}", page("viewer.html"))
@@ -106,6 +110,26 @@ pub fn routes(site: &Site) -> Router<Arc<App>> {
         Router::new().route("/favicon.ico", get(async || StatusCode::NO_CONTENT))
     };
     pages.merge(assets).merge(icon).route("/start", get(start))
+}
+
+/// The participant's page, without and with the rules of robots.
+#[derive(Clone)]
+struct Participant([ServeFile; 2]);
+
+/// `GET /s/{slug}`: the page that can move the study's robots. A page that cannot is a third smaller.
+async fn participant(
+    State(app): State<Arc<App>>,
+    Extension(Participant([usual, with_robots])): Extension<Participant>,
+    PathText(slug): PathText,
+    request: Request,
+) -> Response {
+    // The page itself reports a study that does not exist or cannot be read.
+    let named = app.store.has_named_robots(&slug).await.unwrap_or_default();
+    let page = if named { with_robots } else { usual };
+    match page.oneshot(request).await {
+        Ok(response) => response.into_response(),
+        Err(never) => match never {},
+    }
 }
 
 /// The home page, without the list of studies.

@@ -5,6 +5,7 @@ use super::markdown::html_of;
 use sha2::{Digest, Sha256};
 use sidestep::api::{CheckForm, Language, Object, QuestionForm, Texts};
 use sidestep::math::SeededRng;
+use sidestep::scene::RobotPolicy;
 use sidestep::study::{Comprehension, Localised, Question, StudyConfig, closest_language};
 use std::collections::BTreeMap;
 
@@ -23,9 +24,17 @@ impl Languages {
         for (key, text) in known.into_iter().flat_map(|known| known.iter()) {
             sentences.insert(key.to_owned(), text.to_owned());
         }
+        let robots = about_robots(study);
+        for (key, about) in &robots {
+            if let Some(text) = sentences.get(*about).cloned() {
+                sentences.insert((*key).to_owned(), text);
+            }
+        }
         for (key, text) in study.texts.get(language).into_iter().flatten() {
             if known.is_some_and(|known| known.check_change(key, text).is_ok()) {
-                sentences.insert(key.clone(), text.clone());
+                let about = robots.iter().find(|(_, about)| about == key);
+                let key = about.map_or(&**key, |(key, _)| key);
+                sentences.insert(key.to_owned(), text.clone());
             }
         }
         let fallback = study.first_language();
@@ -38,9 +47,11 @@ impl Languages {
         };
         let check = check(study, language, &sentences);
         // Leave out the sentences of Sidestep's own questions, because they are already in the
-        // check.
-        let is_asked = |key: &str| STANDARD.iter().any(|name| key.starts_with(&prefix(name)));
-        let said = sentences.iter().filter(|(key, _)| !is_asked(key));
+        // check, and the sentences about robots, because they have replaced others.
+        let is_elsewhere = |key: &str| {
+            key.starts_with(ROBOTS) || STANDARD.iter().any(|name| key.starts_with(&prefix(name)))
+        };
+        let said = sentences.iter().filter(|(key, _)| !is_elsewhere(key));
         let sentences = said.map(|(key, text)| (key.to_owned(), text.clone())).collect();
         let mut offered = self.offered(study);
         // If the study does not offer `language`, a participant has begun in it, so offer it too.
@@ -70,6 +81,20 @@ impl Languages {
         let own = study.texts.get(tag).and_then(|texts| texts.get(key)).map(String::as_str);
         own.or_else(|| self.get(tag)?.get(key)).unwrap_or(tag)
     }
+}
+
+/// The table of the sentences about robots that do more than drive straight.
+const ROBOTS: &str = "robots.";
+
+/// The sentences that the study's robots replace, each with the sentence that replaces it. All
+/// robots of a study share their sentences, so that these do not reveal which robot comes next.
+fn about_robots(study: &StudyConfig) -> Vec<(&'static str, &'static str)> {
+    let reacts = study.robots.iter().any(RobotPolicy::reacts);
+    let right = if reacts { "robots.right_react" } else { "robots.right_turn" };
+    let turn = [("instructions.robot", "robots.turn"), ("check_robot.right", right)];
+    let react = [("instructions.robot_why", "robots.react"), ("instructions.when", "robots.when")];
+    let turn = turn.into_iter().filter(|_| study.robots_turn());
+    turn.chain(react.into_iter().filter(|_| reacts)).collect()
 }
 
 fn prefix(name: &str) -> String {
@@ -152,6 +177,7 @@ pub fn consent_hash(texts: &Texts) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sidestep::scene::Rule;
     use sidestep::study::CheckQuestion;
 
     #[test]
@@ -181,6 +207,39 @@ mod tests {
         assert!(asked.iter().all(|count| (1800..2200).contains(count)), "{asked:?}");
         assert!(places.iter().all(|count| (3740..4260).contains(count)), "{places:?}");
         assert_eq!(drawn(&all, &study.comprehension, None), all[..2]);
+    }
+
+    #[test]
+    fn texts_say_what_the_robots_do() {
+        let languages = Languages::load(None).unwrap();
+        let mut study = StudyConfig::default();
+        let of = |study: &StudyConfig| {
+            let texts = languages.texts(study, "en");
+            assert!(texts.sentences.iter().all(|(key, _)| !key.starts_with(ROBOTS)));
+            let say = |key: &str| texts.sentences.get(key).cloned().unwrap();
+            let [robot, why, when] =
+                ["robot", "robot_why", "when"].map(|key| say(&format!("instructions.{key}")));
+            let CheckForm { options, answer, .. } = &texts.check[0];
+            [robot, why, when, options[*answer].clone()]
+        };
+        let usual = of(&study);
+        study.robots = vec![RobotPolicy::straight()];
+        assert_eq!(of(&study), usual);
+        study.robots.push(RobotPolicy { rule: Rule::Script, ..RobotPolicy::straight() });
+        let [robot, why, when, right] = of(&study);
+        assert!(robot.contains("not always straight") && right.contains("does not avoid me"));
+        assert_eq!([why, when], [usual[1].clone(), usual[2].clone()]);
+        study.robots.push(RobotPolicy { rule: Rule::Evades, ..RobotPolicy::straight() });
+        let reacts = of(&study);
+        assert!((0..4).all(|i| reacts[i] != usual[i]), "{reacts:?}");
+        assert!(!reacts[2].contains("you will enter"), "{reacts:?}");
+        // The study's own sentence stays.
+        let own = ("instructions.robot".to_owned(), "It dances.".to_owned());
+        study.texts.insert("en".to_owned(), [own].into());
+        assert_eq!(of(&study)[0], "It dances.");
+        let own = ("robots.turn".to_owned(), "It sings.".to_owned());
+        study.texts.insert("en".to_owned(), [own].into());
+        assert_eq!(of(&study)[0], "It sings.");
     }
 
     #[test]

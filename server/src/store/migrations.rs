@@ -54,12 +54,14 @@ const SQLITE: Files = migrations! { "sqlite":
     14 "0014_counted_predictors",
     15 "0015_several_servers",
     16 "0016_mark",
+    17 "0017_robot_policies",
 };
 
 const POSTGRES: Files = migrations! { "postgres":
     1 "0001_schema",
     2 "0002_throttles",
     3 "0003_tallies_of_many",
+    4 "0004_robot_policies",
 };
 
 /// The reason why a database cannot be migrated.

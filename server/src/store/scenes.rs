@@ -1,7 +1,7 @@
 //! The scenes of participants' plans.
 
 use super::StoreError;
-use super::sql::{self, Connection, OptionalExtension, Row, Rows, params};
+use super::sql::{Connection, OptionalExtension, Row, Rows, params};
 use sidestep::scene::Scene;
 use sidestep::trial::Phase;
 use sidestep::vehicle::Pose;
@@ -43,15 +43,18 @@ const SHARED: usize = 6;
 
 /// The columns that [`scene_of`] reads.
 pub(super) const SCENE: &str = "human_x, human_y, human_psi, robot_x, robot_y, robot_psi, \
-                                goal_x, goal_y";
+                                goal_x, goal_y, policy";
 
 /// The scene in the columns [`SCENE`], which begin at `at`.
-pub(super) fn scene_of(row: &Row, at: usize) -> sql::Result<Scene> {
+pub(super) fn scene_of(row: &Row, at: usize) -> Result<Scene, StoreError> {
     let number = |i: usize| row.get::<_, f64>(at + i);
+    let policy: Option<String> = row.get(at + 8)?;
+    let policy = policy.as_deref().map(serde_json::from_str).transpose();
     Ok(Scene {
         human: Pose::from([number(0)?, number(1)?, number(2)?]),
         robot: Pose::from([number(3)?, number(4)?, number(5)?]),
         goal: [number(6)?, number(7)?],
+        policy: policy.map_err(StoreError::corrupt)?,
     })
 }
 
@@ -61,7 +64,7 @@ pub(super) fn phase_of(word: &str) -> Result<Phase, StoreError> {
 
 const INSERT: Rows = Rows {
     before: "INSERT INTO scene (trial_id, participant_id, ordinal, phase, idx, attempt, human_x, \
-                 human_y, human_psi, robot_x, robot_y, robot_psi, goal_x, goal_y) VALUES ",
+                 human_y, human_psi, robot_x, robot_y, robot_psi, goal_x, goal_y, policy) VALUES ",
     after: "",
 };
 
@@ -70,7 +73,8 @@ pub(super) fn insert(
     participant_id: &str,
     planned: &PlannedRow,
 ) -> Result<(), StoreError> {
-    let Scene { human, robot, goal } = planned.scene;
+    let Scene { human, robot, goal, policy } = &planned.scene;
+    let policy = policy.as_ref().map(serde_json::to_string).transpose();
     let row = params![
         planned.trial_id,
         participant_id,
@@ -86,6 +90,7 @@ pub(super) fn insert(
         robot.psi,
         goal[0],
         goal[1],
+        policy.map_err(StoreError::corrupt)?,
     ];
     Ok(db.execute_row_later(&INSERT, &[&planned.trial_id], row)?)
 }
@@ -94,11 +99,11 @@ pub(super) fn insert(
 pub(super) fn repeat(db: &Connection, trial_id: &str, new_id: &str) -> Result<(), StoreError> {
     db.prepare_cached(
         "INSERT INTO scene (trial_id, participant_id, ordinal, phase, idx, attempt, human_x, \
-             human_y, human_psi, robot_x, robot_y, robot_psi, goal_x, goal_y) \
+             human_y, human_psi, robot_x, robot_y, robot_psi, goal_x, goal_y, policy) \
          SELECT $2, participant_id, (SELECT max(ordinal) + 1 FROM scene AS other \
                  WHERE other.participant_id = scene.participant_id), \
              phase, idx, attempt + 1, human_x, human_y, human_psi, robot_x, robot_y, robot_psi, \
-             goal_x, goal_y \
+             goal_x, goal_y, policy \
          FROM scene WHERE trial_id = $1",
     )?
     .execute([trial_id, new_id])?;

@@ -211,6 +211,21 @@ impl Store {
         .await
     }
 
+    /// Whether a configuration that the study has had names robots.
+    pub async fn has_named_robots(&self, slug: &str) -> Result<bool, StoreError> {
+        let slug = slug.to_owned();
+        self.read(move |db| {
+            // In JSON, a text of the study cannot contain these characters, because its quotation
+            // marks are escaped.
+            let asked = "SELECT EXISTS (SELECT 1 FROM study \
+                         JOIN study_version ON study_version.study_id = study.id \
+                         JOIN study_config ON study_config.hash = study_version.config_hash \
+                         WHERE slug = $1 AND json LIKE '%\"robots\":[%')";
+            Ok(db.prepare_cached(asked)?.query_row([slug], |row| row.get(0))?)
+        })
+        .await
+    }
+
     /// The names of all studies, oldest first.
     pub async fn slugs(&self) -> Result<Vec<String>, StoreError> {
         self.read(move |db| {

@@ -78,7 +78,7 @@ pub(crate) async fn someone(store: &Store, name: &str, known: Known) -> Enrolmen
         phase: Phase::Task,
         index,
         attempt: 1,
-        scene,
+        scene: scene.clone(),
         stored: false,
     };
     if let Enrolment::New(new) = &enrolled {
@@ -113,12 +113,10 @@ fn token(name: &str) -> [u8; 32] {
 
 pub(crate) fn trial(trial_id: &str, turn: TurnInput) -> NewTrial {
     let parameters = SceneParameters::default();
-    let start = sidestep::scene::JointState {
-        human: Pose::from([0.0, 0.0, 0.0]),
-        robot: Pose::from([15.0, 10.0, -2.0]),
-    };
+    let robot = Pose::from([15.0, 10.0, -2.0]);
+    let scene = Scene::new(&parameters, Pose::from([0.0, 0.0, 0.0]), robot);
     let inputs = vec![turn; 50];
-    let states = simulate(&parameters, start, &inputs);
+    let states = simulate(&parameters, &scene, &inputs);
     let outcome = outcome(&parameters, &inputs, &states);
     let content = Content {
         started_at_ms: Some(7.0),

@@ -45,7 +45,7 @@ pub struct NewTrial {
 }
 
 /// A scene of a participant's plan.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct AssignedScene {
     /// Its phase.
     pub phase: Phase,

@@ -48,7 +48,7 @@ fn people(
         let trajectory = |(inputs, states): &Driven| {
             let mut states = states.clone();
             if let (Some(last), Some(&input)) = (states.last(), inputs.last()) {
-                states.push(last.advance(parameters, input, parameters.step_s));
+                states.push(last.advance(parameters, input, 0.0, parameters.step_s));
             }
             let rates = inputs.iter().map(|&input| parameters.human.turn_rate(input));
             Trajectory::new(states, rates.collect())

@@ -117,7 +117,7 @@ impl Drive {
     pub fn recorded(&self, parameters: SceneParameters) -> Recorded {
         Recorded {
             parameters,
-            scene: self.scene,
+            scene: self.scene.clone(),
             inputs: self.inputs.0.clone(),
             states: self.states(),
         }
@@ -142,7 +142,7 @@ mod tests {
         let parameters = SceneParameters::default();
         let scene = Scene::new(&parameters, Pose::new(-8.0, 0.1, 0.3), Pose::new(8.0, 1.0, 3.1));
         let inputs: Vec<TurnInput> = TurnInput::ALL.into_iter().cycle().take(50).collect();
-        let states = simulate(&parameters, scene.start(), &inputs);
+        let states = simulate(&parameters, &scene, &inputs);
         let drive = Drive::new("t".into(), "task 1".into(), scene, &inputs, &states);
         let text = serde_json::to_string(&drive).unwrap();
         let read: Drive = serde_json::from_str(&text).unwrap();

@@ -6,7 +6,7 @@ use super::{
     MAX_PARAMETERS, MIN_REQUEST_ID_BYTES, Object, check_name, check_object, first, is_first,
 };
 use crate::invalid::Invalid;
-use crate::scene::Scene;
+use crate::scene::{RobotPolicy, Scene};
 use crate::study::{AfterWrong, normalised_id};
 use crate::trial::Phase;
 use crate::vehicle::Pose;
@@ -199,13 +199,16 @@ pub struct PlannedScene {
     pub robot: Pose,
     /// The robot's goal (m).
     pub goal: [f64; 2],
+    /// The rule that moves the robot. Absent if it drives straight.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub policy: Option<Box<RobotPolicy>>,
 }
 
 impl PlannedScene {
     /// Both vehicles and the goal.
     #[must_use]
     pub fn scene(&self) -> Scene {
-        Scene { human: self.human, robot: self.robot, goal: self.goal }
+        Scene { human: self.human, robot: self.robot, goal: self.goal, policy: self.policy.clone() }
     }
 }
 

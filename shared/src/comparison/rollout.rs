@@ -200,14 +200,14 @@ pub fn together(parts: &[Vec<Horizon>]) -> Vec<Horizon> {
 mod tests {
     use super::*;
     use crate::bounds::ActionSpace;
-    use crate::scene::SceneParameters;
+    use crate::scene::{Scene, SceneParameters};
     use crate::trial::simulate;
     use crate::vehicle::{Pose, TurnInput};
 
     fn trajectory(inputs: &[TurnInput]) -> Trajectory {
         let parameters = SceneParameters { steps: inputs.len(), ..SceneParameters::default() };
-        let start = JointState { human: Pose::new(0.0, 0.0, 0.0), robot: Pose::new(9.0, 1.0, 3.0) };
-        let states = simulate(&parameters, start, inputs);
+        let [human, robot] = [Pose::new(0.0, 0.0, 0.0), Pose::new(9.0, 1.0, 3.0)];
+        let states = simulate(&parameters, &Scene::new(&parameters, human, robot), inputs);
         let rates = inputs.iter().map(|&input| parameters.human.turn_rate(input)).collect();
         Trajectory::new(states, rates).unwrap()
     }

@@ -249,7 +249,7 @@ mod tests {
             || Pose::new(rng.uniform(-9., 9.), rng.uniform(-9., 9.), rng.uniform(-PI, PI));
         for _ in 0..50 {
             let state = JointState { human: pose(), robot: pose() };
-            let at = |t: f64| state.advance(&parameters, TurnInput::Straight, t);
+            let at = |t: f64| state.advance(&parameters, TurnInput::Straight, 0.0, t);
             let (t, d) = (0..40_000)
                 .map(|i| f64::from(i) * 2e-3)
                 .map(|t| (t, at(t).distance_m()))
@@ -272,7 +272,7 @@ mod tests {
         let robot = Pose::new(4.0, 1.0, 0.3);
         let mut state = JointState { human: Pose::new(0.0, 0.0, 0.0), robot };
         for _ in 0..3 {
-            state = state.advance(&parameters, TurnInput::Left, 0.2);
+            state = state.advance(&parameters, TurnInput::Left, 0.0, 0.2);
             state.robot = robot;
         }
         assert!(state.human.psi != 0.3 && (state.human.psi - 0.3).abs() < 1e-15);
@@ -331,14 +331,14 @@ mod tests {
         };
         check(&history, [0.0; 4]);
         for input in [Left, Left, Right, Straight, Left, Left] {
-            history.push(now(&history).advance(&parameters, input, 0.2));
+            history.push(now(&history).advance(&parameters, input, 0.0, 0.2));
         }
         check(&history[..2], [1.0, 0.0, 1.0, 1.0]);
         check(&history[..3], [1.0, 1.0, 2.0, 2.0]);
         check(&history[..4], [-1.0, 1.0, 1.0, 1.0]);
         check(&history, [1.0, 1.0, 2.0, 3.0]);
         for _ in 0..100 {
-            history.push(now(&history).advance(&parameters, Left, 0.2));
+            history.push(now(&history).advance(&parameters, Left, 0.0, 0.2));
         }
         check(&history, [1.0, 1.0, 5.0, 103.0]);
     }

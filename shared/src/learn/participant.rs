@@ -167,7 +167,7 @@ mod tests {
         let drive = |(scene, _): &(crate::scene::Scene, _)| {
             let mut inputs = vec![TurnInput::Straight; parameters.steps];
             inputs[10..25].fill(turn);
-            let states = simulate(parameters, scene.start(), &inputs);
+            let states = simulate(parameters, scene, &inputs);
             (inputs, states)
         };
         scenes.iter().map(drive).collect()

@@ -11,7 +11,7 @@ use crate::invalid::Invalid;
 use crate::math::{SeededRng, TAU, wrap_angle};
 
 /// A scene with its cell in the design.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct StratifiedScene {
     /// The start of the trial.
     pub scene: Scene,
@@ -372,7 +372,7 @@ mod tests {
         let mut hash = Sha256::new();
         for place in [0, 1, 49, 50, 1000] {
             for StratifiedScene { scene, strata, .. } in scenes(50, place) {
-                let Scene { human, robot, goal } = scene;
+                let Scene { human, robot, goal, .. } = scene;
                 let numbers = [human.into(), robot.into(), [goal[0], goal[1], 0.0]];
                 let strata = strata.map(|stratum| stratum as f64);
                 let numbers = numbers.concat().into_iter().chain(strata);

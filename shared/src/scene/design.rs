@@ -110,8 +110,9 @@ mod tests {
             assert!(
                 (hypot(scene.goal[0] - start[0], scene.goal[1] - start[1]) - 20.0).abs() < 1e-12
             );
-            let end = (0..50)
-                .fold(scene.start(), |state, _| state.advance(&parameters, TurnInput::Right, 0.2));
+            let end = (0..50).fold(scene.start(), |state, _| {
+                state.advance(&parameters, TurnInput::Right, 0.0, 0.2)
+            });
             assert!(hypot(end.robot.x - scene.goal[0], end.robot.y - scene.goal[1]) < 1e-12);
         }
     }
@@ -133,7 +134,7 @@ mod tests {
                     entry = Some(f64::from(tick) * 1e-3);
                     break;
                 }
-                state = state.advance(&parameters, TurnInput::Straight, 1e-3);
+                state = state.advance(&parameters, TurnInput::Straight, 0.0, 1e-3);
             }
             let entry = entry.expect("the human must have to avoid the robot");
             assert!((2.0..=8.01).contains(&entry), "{entry}");
@@ -172,7 +173,7 @@ mod tests {
     #[test]
     fn scenes_of_a_seed_never_change() {
         let mut hash = Sha256::new();
-        for (Scene { human, robot, goal }, _) in scenes(59, 20_180_918) {
+        for (Scene { human, robot, goal, .. }, _) in scenes(59, 20_180_918) {
             let numbers = [human.into(), robot.into(), [goal[0], goal[1], 0.0]];
             hash.update(
                 numbers.concat().into_iter().flat_map(f64::to_le_bytes).collect::<Vec<_>>(),

@@ -23,7 +23,7 @@ fn escape_steps(parameters: &SceneParameters, range: &EncounterRange) -> (usize,
     (begin, second)
 }
 
-/// Whether a scene is admissible: it starts outside the danger zone with time to react, the human
+/// Whether a scene is admissible with a robot that drives straight: it starts outside the danger zone with time to react, the human
 /// enters the zone if they do not turn, and the human can escape.
 #[must_use]
 pub fn is_admissible(parameters: &SceneParameters, range: &EncounterRange, scene: &Scene) -> bool {
@@ -65,8 +65,8 @@ fn closest_with_manoeuvre(
     let mut closest = state.distance_m();
     for step in 0..parameters.steps {
         let held = if (begin..end).contains(&step) { input } else { TurnInput::Straight };
-        closest = closest.min(closest_within_step(parameters, state, held));
-        state = state.advance(parameters, held, parameters.step_s);
+        closest = closest.min(closest_within_step(parameters, state, held, 0.0));
+        state = state.advance(parameters, held, 0.0, parameters.step_s);
     }
     closest
 }

@@ -1,9 +1,10 @@
 //! The poses of both vehicles, at the start of a scene and at each later instant.
 
 use super::parameters::SceneParameters;
+use super::robot::RobotPolicy;
 use crate::invalid::Invalid;
-use crate::math::{hypot, sin_cos};
-use crate::vehicle::dubins::relative_state;
+use crate::math::{hypot, sin_cos, wrap_angle};
+use crate::vehicle::dubins::{self, relative_state};
 use crate::vehicle::{Pose, TurnInput};
 use serde::{Deserialize, Serialize};
 
@@ -20,13 +21,40 @@ pub struct JointState {
 }
 
 impl JointState {
-    /// The state after the human has held `input` for `seconds` (s). The robot never turns.
+    /// The state after the human has held `input` and the robot has turned at the rate
+    /// `robot_radps` (rad/s) for `seconds` (s).
     #[must_use]
-    pub fn advance(&self, parameters: &SceneParameters, input: TurnInput, seconds: f64) -> Self {
+    pub fn advance(
+        &self,
+        parameters: &SceneParameters,
+        input: TurnInput,
+        robot_radps: f64,
+        seconds: f64,
+    ) -> Self {
         Self {
             human: parameters.human.advance(self.human, input, seconds),
-            robot: parameters.robot.advance(self.robot, TurnInput::Straight, seconds),
+            robot: dubins::arc(self.robot, parameters.robot.speed_mps, robot_radps, seconds),
         }
+    }
+
+    /// The angle (rad) by which the robot turns from this state to the next.
+    #[must_use]
+    pub fn robot_turned(&self, next: &Self) -> f64 {
+        wrap_angle(next.robot.psi - self.robot.psi)
+    }
+
+    /// The state `into_s` (s) after the start of a step that leads to `next`. The robot's turn rate
+    /// is the mean rate between the two states.
+    #[must_use]
+    pub fn within_step(
+        &self,
+        parameters: &SceneParameters,
+        input: TurnInput,
+        next: &Self,
+        into_s: f64,
+    ) -> Self {
+        let robot_radps = self.robot_turned(next) / parameters.step_s;
+        self.advance(parameters, input, robot_radps, into_s)
     }
 
     /// Distance between the vehicles (m).
@@ -57,31 +85,55 @@ impl JointState {
     }
 }
 
-/// The start of a trial.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// The start of a trial, the robot's goal, and the rule that moves the robot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Scene {
     /// The human's vehicle at the start.
     pub human: Pose,
     /// The robot at the start, heading straight to its goal.
     pub robot: Pose,
-    /// The robot's goal (m), which it reaches at the end of the trial.
+    /// The robot's goal (m). A robot that drives straight reaches it at the end of the trial.
     pub goal: [f64; 2],
+    /// The rule that moves the robot. `None` drives straight.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub policy: Option<Box<RobotPolicy>>,
 }
 
 impl Scene {
-    /// A scene whose goal is the robot's position at the end of the trial.
+    /// A scene whose robot drives straight, and whose goal is the robot's position at the end of
+    /// the trial.
     #[must_use]
     pub fn new(parameters: &SceneParameters, human: Pose, robot: Pose) -> Self {
         let (sin, cos) = sin_cos(robot.psi);
         let ahead = parameters.goal_distance_m();
-        Self { human, robot, goal: [robot.x + ahead * cos, robot.y + ahead * sin] }
+        let goal = [robot.x + ahead * cos, robot.y + ahead * sin];
+        Self { human, robot, goal, policy: None }
     }
 
     /// The state before the first step.
     #[must_use]
     pub fn start(&self) -> JointState {
         JointState { human: self.human, robot: self.robot }
+    }
+
+    /// The same scene with another start.
+    #[must_use]
+    pub fn starting_at(&self, JointState { human, robot }: JointState) -> Self {
+        Self { human, robot, ..self.clone() }
+    }
+
+    /// The robot's name in the study's configuration. `straight` if the study names no robots.
+    #[must_use]
+    pub fn robot_name(&self) -> &str {
+        self.policy.as_ref().map_or("straight", |policy| &policy.name)
+    }
+
+    /// The robot's turn rate (rad/s) in the step that begins in the last of `states`, the states
+    /// from the start on.
+    #[must_use]
+    pub fn robot_turn_rate(&self, parameters: &SceneParameters, states: &[JointState]) -> f64 {
+        self.policy.as_ref().map_or(0.0, |policy| policy.turn_rate(parameters, self, states))
     }
 }
 
@@ -97,9 +149,10 @@ pub fn closest_within_step(
     parameters: &SceneParameters,
     state: JointState,
     input: TurnInput,
+    robot_radps: f64,
 ) -> f64 {
     (0..=SAMPLES_PER_STEP)
         .map(|i| i as f64 / SAMPLES_PER_STEP as f64 * parameters.step_s)
-        .map(|s| state.advance(parameters, input, s).distance_m())
+        .map(|s| state.advance(parameters, input, robot_radps, s).distance_m())
         .fold(f64::INFINITY, f64::min)
 }

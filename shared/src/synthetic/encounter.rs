@@ -95,7 +95,7 @@ fn closest(parameters: &SceneParameters, scene: &Scene, input: TurnInput, hold_s
     let mut closest = state.distance_m();
     for tick in 0..ticks(parameters.duration_s()) {
         let input = if held.contains(&tick) { input } else { TurnInput::Straight };
-        state = state.advance(parameters, input, LOOK_S);
+        state = state.advance(parameters, input, 0.0, LOOK_S);
         closest = closest.min(state.distance_m());
     }
     closest

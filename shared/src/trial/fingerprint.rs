@@ -2,7 +2,7 @@
 
 use super::simulate;
 use crate::math::SeededRng;
-use crate::scene::{JointState, SceneParameters};
+use crate::scene::{Scene, SceneParameters};
 use crate::vehicle::{Pose, TurnInput};
 use sha2::{Digest, Sha256};
 
@@ -17,9 +17,9 @@ pub fn simulation_fingerprint(seed: u64, count: usize) -> String {
         let mut pose = || {
             Pose::new(rng.uniform(-20.0, 20.0), rng.uniform(-20.0, 20.0), rng.uniform(-4.0, 4.0))
         };
-        let start = JointState { human: pose(), robot: pose() };
+        let scene = Scene::new(&parameters, pose(), pose());
         let inputs: Vec<_> = (0..parameters.steps).map(|_| TurnInput::ALL[rng.below(3)]).collect();
-        for state in simulate(&parameters, start, &inputs) {
+        for state in simulate(&parameters, &scene, &inputs) {
             for pose in [state.human, state.robot] {
                 for number in <[f64; 3]>::from(pose) {
                     hash.update(number.to_le_bytes());

@@ -31,7 +31,7 @@ pub(super) fn paint(playback: &mut Playback, _: &Style, picture: &mut Picture) {
         let mut state = now.state;
         let path = (0..steps).map(|_| {
             let input = drawn(&human, learned, history, rng.unit());
-            state = state.advance(parameters, input, parameters.step_s);
+            state = state.advance(parameters, input, 0.0, parameters.step_s);
             history.push(state);
             state.human.position()
         });

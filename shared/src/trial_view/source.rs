@@ -374,6 +374,7 @@ mod tests {
                 states.push(states[states.len() - 1].advance(
                     &parameters,
                     input,
+                    0.0,
                     parameters.step_s,
                 ));
             }

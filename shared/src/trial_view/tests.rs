@@ -16,7 +16,7 @@ fn playback() -> Playback {
     let scene = Scene::new(&parameters, Pose::new(-8.0, 0.0, 0.2), Pose::new(8.0, 1.0, 3.1));
     let turn = |step: usize| TurnInput::ALL[(step / 5) % 3];
     let inputs: Vec<TurnInput> = (0..parameters.steps).map(turn).collect();
-    let states = simulate(&parameters, scene.start(), &inputs);
+    let states = simulate(&parameters, &scene, &inputs);
     let mut playback = Playback::new(Recorded { parameters, scene, inputs, states }).unwrap();
     let progress = &mut |_| core::ops::ControlFlow::Continue(());
     playback.use_safety(SafetyLevels::solve(&parameters, progress).unwrap()).unwrap();
@@ -41,7 +41,7 @@ fn the_vehicles_are_where_they_were() {
     }
     // Between two steps the vehicles drive arcs.
     playback.go(&at(2.3)).unwrap();
-    let expected = states[11].advance(&parameters, inputs[11], 2.3 - 11.0 * parameters.step_s);
+    let expected = states[11].advance(&parameters, inputs[11], 0.0, 2.3 - 11.0 * parameters.step_s);
     assert_eq!(playback.now().state, expected);
     // Times beyond the trial are clamped to its end.
     playback.go(&at(1e9)).unwrap();
@@ -100,7 +100,7 @@ fn a_trial_that_is_being_driven_is_seen_like_a_recorded_one() {
             if mistaken[step - 1] == TurnInput::Left { TurnInput::Right } else { TurnInput::Left };
         let mut elsewhere = states[..=step].to_vec();
         elsewhere[step] =
-            states[step - 1].advance(&parameters, mistaken[step - 1], parameters.step_s);
+            states[step - 1].advance(&parameters, mistaken[step - 1], 0.0, parameters.step_s);
         live.record(&mistaken, &elsewhere).unwrap();
         live.record(&inputs[..step], &states[..=step]).unwrap();
         assert_eq!(live.levels(), &whole.levels()[..=step]);

@@ -129,7 +129,9 @@ impl User {
         let attribute = |name: &str| canvas.get_attribute(name).unwrap_or_default();
         let trial = attribute("data-trial");
         if self.driven.as_ref().is_none_or(|(known, _)| *known != trial) {
-            let Some(scene) = scene(&attribute("data-scene")) else { return };
+            let Some(scene) = scene(&attribute("data-scene"), &attribute("data-policy")) else {
+                return;
+            };
             let parameters = &self.study.parameters;
             let drive = self.person.drive(self.trials, parameters, &scene, Keys::Clock);
             let mut changes = drive.key_changes;
@@ -257,9 +259,11 @@ fn property(element: &Element, name: &str) -> String {
 }
 
 /// Parses the scene that the page exposes: the human's x, y and heading, the robot's x, y and
-/// heading, and the goal.
-fn scene(text: &str) -> Option<Scene> {
+/// heading, and the goal; and the rule that moves the robot, unless it drives straight.
+fn scene(text: &str, policy: &str) -> Option<Scene> {
     let [hx, hy, hpsi, rx, ry, rpsi, gx, gy]: [f64; 8] = json::read(text.as_bytes())?;
     let pose = |x, y, psi| Pose { x, y, psi };
-    Some(Scene { human: pose(hx, hy, hpsi), robot: pose(rx, ry, rpsi), goal: [gx, gy] })
+    let policy = if policy.is_empty() { None } else { Some(json::read(policy.as_bytes())?) };
+    let (human, robot) = (pose(hx, hy, hpsi), pose(rx, ry, rpsi));
+    Some(Scene { human, robot, goal: [gx, gy], policy })
 }

@@ -196,7 +196,7 @@ impl Demo {
         let scenes = block(&parameters, 0)?;
         let start = Recorded {
             parameters,
-            scene: scenes[0],
+            scene: scenes[0].clone(),
             inputs: Vec::new(),
             states: vec![scenes[0].start()],
         };
@@ -322,7 +322,7 @@ impl Demo {
             }
             Stage::Ready => {}
         }
-        let scene = *self.scene();
+        let scene = self.scene().clone();
         let keys = (&self.keys, &self.held);
         let driving =
             Driving::start(self.driver, self.index, &self.parameters, &scene, keys, now_ms);
@@ -335,7 +335,7 @@ impl Demo {
         if self.index >= self.scenes.len() {
             self.scenes.extend(block(&self.parameters, self.index / BLOCK)?);
         }
-        let (scene, parameters) = (*self.scene(), self.parameters);
+        let (scene, parameters) = (self.scene().clone(), self.parameters);
         let (inputs, states) = (Vec::new(), vec![scene.start()]);
         self.score = Score::of(&parameters, &inputs, &states);
         self.playback = Playback::new(Recorded { parameters, scene, inputs, states })?;

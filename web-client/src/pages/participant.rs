@@ -21,6 +21,7 @@ mod tests;
 use self::equipment::Steering;
 use self::link::Link;
 use self::state::{PlannedTrial, Session, Stage};
+use crate::drive::RobotTurnRate;
 use crate::form::Form;
 use crate::input::HeldKeys;
 use crate::json;
@@ -30,6 +31,7 @@ use crate::texts::Sentences as _;
 use crate::view::Node;
 use sidestep::api::{Completed, Progress, StudyInfo, Texts};
 use sidestep::picture::Picture;
+use sidestep::scene::RobotPolicy;
 use sidestep::study::AfterWrong;
 use std::rc::Rc;
 
@@ -40,9 +42,17 @@ const RETRY_MS: f64 = 2000.0;
 const LANGUAGE: &str = "sidestep.language";
 const STEERING: &str = "sidestep.keys";
 
+/// The code that moves robots by rules. Only the page of studies with such robots has it.
+struct RobotRules {
+    turn_rate: RobotTurnRate,
+    /// The rule as JSON, for the simulator.
+    told: fn(&RobotPolicy) -> String,
+}
+
 /// The participant's page.
 #[derive(Default)]
 pub struct Participant {
+    robots: Option<RobotRules>,
     context: PageContext,
     link: Link,
     /// The time of the last message, on the page's clock (ms).
@@ -190,6 +200,17 @@ impl Participant {
             commands.push(Command::ReplaceAddress(page.link.url()));
         }
         (page, commands)
+    }
+
+    /// Like [`Self::open`], for a study whose robots follow rules.
+    #[must_use]
+    pub fn open_with_robots(context: PageContext) -> (Self, Commands<Msg>) {
+        let (page, commands) = Self::open(context);
+        let robots = RobotRules {
+            turn_rate: |parameters, scene, states| scene.robot_turn_rate(parameters, states),
+            told: json::write,
+        };
+        (Self { robots: Some(robots), ..page }, commands)
     }
 
     /// Parses the record that was stored under a name when the page opened.

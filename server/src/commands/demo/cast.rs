@@ -93,7 +93,7 @@ const LOOKS_AWAY: Mishap = |_, phase, planned, trial| {
 /// No key is ever pressed.
 const NEVER_STEERS: Mishap = |parameters, _, planned, trial| {
     trial.inputs.fill(TurnInput::Straight);
-    trial.states = simulate(parameters, planned.scene().start(), &trial.inputs);
+    trial.states = simulate(parameters, &planned.scene(), &trial.inputs);
     trial.key_events.clear();
 };
 

@@ -7,8 +7,9 @@ use crate::figure;
 use crate::formats::atomic_folder::Draft;
 use csv::Writer;
 use sidestep::chart::Drawing;
-use sidestep::scene::{Coordinate, Scene, SceneParameters, StratifiedScene, closest_within_step};
+use sidestep::scene::{Coordinate, Scene, SceneParameters, StratifiedScene};
 use sidestep::study::StudyConfig;
+use sidestep::trial::{outcome, simulate};
 use sidestep::vehicle::TurnInput;
 
 /// The names of the files, in the order in which they are written.
@@ -93,19 +94,21 @@ fn scenes_csv(parameters: &SceneParameters, phases: &[PhaseDesign]) -> csv::Resu
         "goal_x",
         "goal_y",
         "closest_m",
+        "robot",
     ])?;
     let participants = phases.first().map_or(0, |design| design.people.len());
     for place in 0..participants {
         for PhaseDesign { phase, people, .. } in phases {
             for (index, scene) in people[place].iter().enumerate() {
                 let StratifiedScene { scene, encounter, strata, planned } = scene;
-                let Scene { human, robot, goal } = scene;
+                let Scene { human, robot, goal, .. } = scene;
                 writer.serialize((
                     (place, phase.phase.word(), index),
                     (strata, planned[1], planned[2]),
                     (encounter.approach_rad.to_degrees(), encounter.miss_m, encounter.entry_s),
                     (<[f64; 3]>::from(*human), <[f64; 3]>::from(*robot), goal),
                     closest_m(parameters, scene),
+                    scene.robot_name(),
                 ))?;
             }
         }
@@ -113,15 +116,10 @@ fn scenes_csv(parameters: &SceneParameters, phases: &[PhaseDesign]) -> csv::Resu
     whole(writer)
 }
 
-/// The smallest distance in the trial if nobody turns (m).
+/// The smallest distance in the trial if the human does not turn (m).
 fn closest_m(parameters: &SceneParameters, scene: &Scene) -> f64 {
-    let mut state = scene.start();
-    let mut closest = f64::INFINITY;
-    for _ in 0..parameters.steps {
-        closest = closest.min(closest_within_step(parameters, state, TurnInput::Straight));
-        state = state.advance(parameters, TurnInput::Straight, parameters.step_s);
-    }
-    closest
+    let inputs = vec![TurnInput::Straight; parameters.steps];
+    outcome(parameters, &inputs, &simulate(parameters, scene, &inputs)).closest_m
 }
 
 fn whole(writer: Writer<Vec<u8>>) -> csv::Result<Vec<u8>> {

@@ -63,6 +63,11 @@ pub fn columns() -> Vec<Column> {
         Column::new("display", Json, "what the page recorded about the display"),
         damaged_column(),
         Column::new("damage", Text, "what is wrong with a damaged trial"),
+        Column::new(
+            "robot",
+            Word,
+            "the robot's name in the configuration; straight if it has none",
+        ),
     ]
 }
 
@@ -110,4 +115,5 @@ pub fn add(batch: &mut Batch, driven: &Driven<'_>) {
     row.text(&*content.display);
     row.whole(|_| Some(i64::from(damage.is_some())));
     row.text(damage);
+    row.text(scene.robot_name());
 }

@@ -92,6 +92,7 @@ pub(super) const PARTICIPANT_TABLES: &[Table] = &[
         columns! {
             Text: trial_id participant_id; Integer: ordinal; Text: phase; Integer: idx attempt;
             Real: human_x human_y human_psi robot_x robot_y robot_psi goal_x goal_y;
+            Text: policy;
         },
     )
     .of(OF_PARTICIPANT, "ordinal"),

@@ -1,6 +1,6 @@
 //! The driver, and the part of the current scene driven so far.
 
-use crate::drive::Drive;
+use crate::drive::{Drive, straight};
 use crate::input::{HeldKeys, KeyMap};
 use sidestep::scene::{JointState, Scene, SceneParameters};
 use sidestep::synthetic::{Keys, SyntheticDrive, SyntheticParticipant};
@@ -87,7 +87,9 @@ impl Driving {
                 // The drive is not uploaded, so its date does not matter.
                 let started_at_ms = 0.0;
                 let (keys, held) = keys;
-                Self::Live(Drive::new(*parameters, scene, now_ms, started_at_ms, keys, held))
+                let drive =
+                    Drive::new(*parameters, scene, straight, now_ms, started_at_ms, keys, held);
+                Self::Live(drive)
             }
             Driver::Synthetic(number) => {
                 let person = SyntheticParticipant::new(POPULATION, number - 1);

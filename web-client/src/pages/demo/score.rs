@@ -103,7 +103,7 @@ mod tests {
         let robot = Pose::new(10.0, aside_m, sidestep::math::PI);
         let scene = Scene::new(&parameters, Pose::new(-10.0, 0.0, 0.0), robot);
         let inputs = vec![TurnInput::Straight; parameters.steps];
-        let states = simulate(&parameters, scene.start(), &inputs);
+        let states = simulate(&parameters, &scene, &inputs);
         Score::of(&parameters, &inputs, &states)
     }
 

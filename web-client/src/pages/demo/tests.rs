@@ -62,7 +62,7 @@ fn a_scene_is_driven_scored_and_learned_from() {
     let turn = |step| if (11..=20).contains(&step) { TurnInput::Left } else { TurnInput::Straight };
     let inputs: Vec<TurnInput> = (0..50).map(turn).collect();
     assert_eq!(recorded.inputs, inputs);
-    assert_eq!(recorded.states, simulate(&recorded.parameters, recorded.scene.start(), &inputs));
+    assert_eq!(recorded.states, simulate(&recorded.parameters, &recorded.scene, &inputs));
 
     assert!(!session.page.wants_frames());
     let points = session.demo().score.points;
@@ -221,7 +221,7 @@ fn wild_keys_do_no_harm() {
         session.frame();
     }
     let recorded = session.demo().playback.recorded();
-    let states = simulate(&recorded.parameters, recorded.scene.start(), &recorded.inputs);
+    let states = simulate(&recorded.parameters, &recorded.scene, &recorded.inputs);
     assert_eq!(recorded.states, states);
 }
 

@@ -10,6 +10,7 @@ mod edit;
 mod settings;
 mod fields;
 mod questions;
+mod robots;
 mod form;
 mod editor;
 mod links;

@@ -60,7 +60,7 @@ static SOLVED: LazyLock<SafetyLevels> =
 fn trial(parameters: SceneParameters, ids: [Option<String>; 2]) -> TrialDetail {
     let scene = Scene::new(&parameters, Pose::new(-8.0, 0.0, 0.0), Pose::new(8.0, 1.0, 3.1));
     let inputs = vec![TurnInput::Straight; parameters.steps];
-    let states = simulate(&parameters, scene.start(), &inputs);
+    let states = simulate(&parameters, &scene, &inputs);
     let [value_function_hr, value_function_rh] = ids;
     TrialDetail {
         summary: TrialSummary {
@@ -77,8 +77,8 @@ fn trial(parameters: SceneParameters, ids: [Option<String>; 2]) -> TrialDetail {
         study: "default".into(),
         synthetic: false,
         parameters,
+        replay: verify(&parameters, &scene, &inputs, &states),
         scene,
-        replay: verify(&parameters, scene.start(), &inputs, &states),
         inputs,
         states,
         value_function_hr,

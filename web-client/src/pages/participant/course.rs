@@ -4,7 +4,7 @@ use super::arena::Arena;
 use super::equipment::Steering;
 use super::state::{PlannedTrial, Stage, Stay};
 use super::{Msg, Participant, STEERING, lifted};
-use crate::drive::Drive;
+use crate::drive::{Drive, RobotTurnRate, straight};
 use crate::input::{BLUR, HeldKeys};
 use crate::json;
 use crate::runtime::{Command, Commands, Event};
@@ -133,7 +133,9 @@ impl Participant {
         let parameters = self.study.as_ref().map(|study| study.parameters).unwrap_or_default();
         let started_at_ms = self.context.time_origin_ms + start_ms;
         let (scene, keys) = (trial.scene.scene(), &self.steering.keys);
-        let mut drive = Drive::new(parameters, &scene, start_ms, started_at_ms, keys, &self.held);
+        let robot = self.robots.as_ref().map_or(straight as RobotTurnRate, |rules| rules.turn_rate);
+        let held = &self.held;
+        let mut drive = Drive::new(parameters, &scene, robot, start_ms, started_at_ms, keys, held);
         drive.tick(self.now_ms);
         // Store the exposure first, so that it counts even if the page is reloaded.
         let count = match self.exposures.iter_mut().find(|(id, _)| id == trial.id()) {

@@ -169,6 +169,11 @@ impl Participant {
         let (first, further): (Vec<_>, Vec<_>) =
             progress.plan.scenes().map(planned).partition(|trial| trial.scene.attempt == 1);
         self.plan = first.into_iter().chain(further).collect();
+        // The study got its robots after this page was loaded.
+        if self.robots.is_none() && self.plan.iter().any(|trial| trial.scene.policy.is_some()) {
+            self.stage = self.stuck("outdated");
+            return Vec::new();
+        }
         self.stored.clone_from(&progress.stored);
         self.plan_known_at = self.stored.len();
         if is_first && let Some(session) = &self.session {

@@ -40,6 +40,9 @@ impl Participant {
         picture.extend(stage::vehicles_and_goal(&scene, state));
         if self.link.simulates() {
             picture.tell("data-scene", told(&scene));
+            if let (Some(robots), Some(policy)) = (&self.robots, &scene.policy) {
+                picture.tell("data-policy", (robots.told)(policy));
+            }
         }
         // In later phases, names beside moving vehicles would distract.
         if matches!(self.stage, Stage::Countdown(..)) || trial.phase == Phase::Familiarisation {

@@ -56,6 +56,7 @@ fn plan() -> Plan {
         human: scene.human,
         robot: scene.robot,
         goal: scene.goal,
+        policy: scene.policy,
     };
     let scenes = scenes.into_iter().enumerate().map(planned).collect();
     Plan { phases: vec![PlannedPhase { phase: Phase::Task, show_danger_zone: false, scenes }] }

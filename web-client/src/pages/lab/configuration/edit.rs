@@ -45,6 +45,10 @@ impl Edit {
                 }
             }
             Self::Insert(list, at, entry) => {
+                // An empty list may be absent.
+                if get(study, &list).is_none() {
+                    set(study, &list, json!([]));
+                }
                 change(study, &list, |entries| entries.insert(at.min(entries.len()), entry));
             }
             Self::Remove(list, at) => {
@@ -99,6 +103,28 @@ pub(super) fn new_question(name: &str, kind: &str) -> Value {
 /// A new option for a question after the last scene.
 pub(super) fn new_option(value: &str) -> Value {
     json!({ "value": value, "text": {} })
+}
+
+/// A new robot with this rule, with settings that a study can start from.
+pub(super) fn new_robot(name: &str, rule: &str) -> Value {
+    let mut robot = json!({ "name": name, "rule": rule });
+    match rule {
+        "way_points" => set(&mut robot, "way_points_m", json!([new_way_point(5.0)])),
+        "script" => set(&mut robot, "turns", json!([new_turn(1.0)])),
+        "evades" => set(&mut robot, "threshold_m", json!(0.5)),
+        _ => {}
+    }
+    robot
+}
+
+/// A new way point this far ahead (m).
+pub(super) fn new_way_point(ahead_m: f64) -> Value {
+    json!([ahead_m, 0.0])
+}
+
+/// A new part of a script, which ends at this time (s).
+pub(super) fn new_turn(until_s: f64) -> Value {
+    json!({ "until_s": until_s, "turn_rate_radps": 0.0 })
 }
 
 /// A new, empty question for the comprehension check.

@@ -72,7 +72,13 @@ impl Fields<'_> {
     }
 
     /// A selection list. `words` contains the values and their labels.
-    fn choice(&self, path: &str, label: &str, hint: &str, words: &[(&str, &str)]) -> Node {
+    pub(super) fn choice(
+        &self,
+        path: &str,
+        label: &str,
+        hint: &str,
+        words: &[(&str, &str)],
+    ) -> Node {
         let at = path.to_owned();
         let select = self
             .select(path, words)
@@ -149,13 +155,19 @@ impl Fields<'_> {
         self.with_complaint(el("div").class("field wide").child(label), path, hint)
     }
 
-    /// The kind of a question. It determines which other fields the question has.
-    pub(super) fn kind(&self, path: &str, label: &str, words: &[(&str, &str)]) -> Node {
+    /// The kind of an item. It determines which other fields the item has, so `edit` makes the
+    /// change to another kind.
+    pub(super) fn kind(
+        &self,
+        path: &str,
+        label: &str,
+        words: &[(&str, &str)],
+        edit: impl Fn(&str) -> Edit + 'static,
+    ) -> Node {
         let at = path.to_owned();
-        let select = self.select(path, words).on_input(move |entered| {
-            let edit = Edit::Kind(at.clone(), entered.text().into());
-            Msg::Rebuild(edit, format!("field-{at}"))
-        });
+        let select = self
+            .select(path, words)
+            .on_input(move |entered| Msg::Rebuild(edit(&entered.text()), format!("field-{at}")));
         self.labelled(path, label, "", "", select)
     }
 

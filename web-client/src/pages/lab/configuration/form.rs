@@ -50,6 +50,7 @@ impl Form<'_> {
             self.about(),
             self.phases(),
             self.vehicles(),
+            self.robots(),
             self.encounters(),
             self.trials(),
             self.consent(),
@@ -208,6 +209,20 @@ impl Form<'_> {
             said: format!("a scene lasts {} s", (scene_s(self.study()) * 1000.0).round() / 1000.0),
             is_open: true,
             fields: self.settings("parameters").collect(),
+        }
+    }
+
+    fn robots(&self) -> Section {
+        let robots = list(self.study(), "robots").len();
+        Section {
+            name: "Robots",
+            path: "robots",
+            said: match robots {
+                0 => "one, which drives straight to its goal".to_owned(),
+                n => count(n, "robot"),
+            },
+            is_open: false,
+            fields: super::robots::all(&self.fields),
         }
     }
 

@@ -18,10 +18,12 @@ const KINDS: [(&str, &str); 3] =
 pub(super) fn question(fields: &Fields<'_>, i: usize, question: &Value) -> Node {
     let path = format!("questions[{i}]");
     let of = |field: &str| format!("{path}.{field}");
+    let at = of("kind");
+    let kind = move |kind: &str| Edit::Kind(at.clone(), kind.into());
     let mut inside = vec![
         fields.localised(&of("text"), "Question", ""),
         fields.line(&of("name"), "Name of its column in exports", ""),
-        fields.kind(&of("kind"), "The answer is", &KINDS),
+        fields.kind(&of("kind"), "The answer is", &KINDS, kind),
         fields.tick(&of("required"), "An answer is required", ""),
     ];
     match text(question, "kind") {

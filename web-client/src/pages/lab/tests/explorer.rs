@@ -22,7 +22,7 @@ fn drives(parameters: SceneParameters, id: Option<String>) -> Drives {
         let mut inputs = vec![TurnInput::Straight; parameters.steps];
         let turn = if i % 3 == 0 { TurnInput::Left } else { TurnInput::Right };
         inputs[6 + i..14 + 2 * i].fill(turn);
-        let states = simulate(&parameters, scene.start(), &inputs);
+        let states = simulate(&parameters, &scene, &inputs);
         Drive::new(format!("t{i}"), format!("task {}", i + 1), scene, &inputs, &states)
     };
     Drives {

@@ -12,8 +12,8 @@ fn from_consent_to_the_code() {
     let trial = session.uploaded("t0");
     let parameters = SceneParameters::default();
     trial.check(&parameters).unwrap();
-    let start = plan().phases[0].scenes[0].scene().start();
-    assert!(verify(&parameters, start, &trial.inputs, &trial.states).exact);
+    let scene = plan().phases[0].scenes[0].scene();
+    assert!(verify(&parameters, &scene, &trial.inputs, &trial.states).exact);
     let lefts: Vec<_> = (0..50).filter(|&i| trial.inputs[i] == TurnInput::Left).collect();
     assert_eq!(lefts, (15..25).collect::<Vec<_>>(), "held from 3 s to 5 s");
     session.stored("t0");
@@ -292,9 +292,9 @@ fn the_language_file_has_the_sentences_of_the_page() {
     let mut unnamed = Vec::new();
     for (key, _) in sentences.iter() {
         let stem = key.strip_suffix(".one").or(key.strip_suffix(".other")).unwrap_or(key);
-        // The server uses the keys of the comprehension check and of the language's name. The study
-        // names the keys of the facts.
-        let elsewhere = ["check_", "language."];
+        // The server uses the keys of the comprehension check, of the language's name and about
+        // robots. The study names the keys of the facts.
+        let elsewhere = ["check_", "language.", "robots."];
         let facts = ["investigator", "institution", "contact", "ethics", "retention"];
         let named = elsewhere.iter().any(|table| stem.starts_with(table))
             || facts.iter().any(|fact| stem == format!("welcome.{fact}"));
