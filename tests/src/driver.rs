@@ -21,7 +21,7 @@ pub fn upload_with(
     scene: &Scene,
     inputs: Vec<TurnInput>,
 ) -> TrialUpload {
-    let states = simulate(parameters, scene.start(), &inputs);
+    let states = simulate(parameters, scene, &inputs);
     let key = |t_ms, down| KeyEvent { t_ms, key: "ArrowLeft".to_owned(), down };
     TrialUpload {
         started_at_ms: 1_760_000_000_123.25,

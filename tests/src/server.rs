@@ -357,7 +357,17 @@ pub fn write_site(folder: &Path) {
     let write = |name: &str, text: &[u8]| {
         std::fs::write(folder.join(name), text).expect("a file of the site");
     };
-    for page in ["index", "participant", "lab", "viewer", "reachability", "demo", "docs"] {
+    let pages = [
+        "index",
+        "participant",
+        "participant_robots",
+        "lab",
+        "viewer",
+        "reachability",
+        "demo",
+        "docs",
+    ];
+    for page in pages {
         let place = match page {
             "index" => "<!-- The server puts the open studies here. -->",
             _ => "<!-- The server puts the document here. -->",

@@ -9,12 +9,12 @@ use sidestep::trial::{PageEvent, PageEventKind};
 use sidestep::vehicle::TurnInput;
 
 /// The robot's turn rate (rad/s) in the step that begins in the last of these states.
-pub type RobotTurnRate = fn(&SceneParameters, &Scene, &[JointState]) -> f64;
+pub type RobotTurnRate = Box<dyn Fn(&[JointState]) -> f64>;
 
 /// The turn rate of a robot that drives straight.
 #[must_use]
-pub fn straight(_: &SceneParameters, _: &Scene, _: &[JointState]) -> f64 {
-    0.0
+pub fn straight() -> RobotTurnRate {
+    Box::new(|_| 0.0)
 }
 
 /// A scene in progress.
@@ -23,10 +23,8 @@ pub fn straight(_: &SceneParameters, _: &Scene, _: &[JointState]) -> f64 {
 /// Its input depends on the keys that are down at that time, according to the time stamps of the
 /// key events. So a late call delays the computation of a step, but does not change its result. A
 /// key press just before a step counts even if it is reported just after the step.
-#[derive(Clone, Debug)]
 pub struct Drive {
     parameters: SceneParameters,
-    scene: Scene,
     robot_turn_rate: RobotTurnRate,
     keys: KeyMap,
     /// Start time on the page's clock (ms).
@@ -74,7 +72,6 @@ impl Drive {
         states.push(scene.start());
         Self {
             parameters,
-            scene: scene.clone(),
             robot_turn_rate,
             keys: keys.clone(),
             start_ms,
@@ -135,7 +132,7 @@ impl Drive {
 
     /// Appends the state after the last state and a step with this input.
     fn advance(&mut self, input: TurnInput) {
-        let robot_radps = (self.robot_turn_rate)(&self.parameters, &self.scene, &self.states);
+        let robot_radps = (self.robot_turn_rate)(&self.states);
         let state = self.states[self.states.len() - 1];
         self.states.push(state.advance(
             &self.parameters,
@@ -295,7 +292,7 @@ mod tests {
 
     fn begin(start_ms: f64, held: &HeldKeys) -> Drive {
         let (parameters, keys) = (SceneParameters::default(), KeyMap::default());
-        Drive::new(parameters, &scene(), straight, start_ms, 1.7e12, &keys, held)
+        Drive::new(parameters, &scene(), straight(), start_ms, 1.7e12, &keys, held)
     }
 
     /// Drives a scene with frames and key events at the given times.

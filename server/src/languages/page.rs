@@ -26,7 +26,7 @@ impl Languages {
         }
         let robots = about_robots(study);
         for (key, about) in &robots {
-            if let Some(text) = sentences.get(*about).cloned() {
+            if let Some(text) = sentences.get(about).cloned() {
                 sentences.insert((*key).to_owned(), text);
             }
         }

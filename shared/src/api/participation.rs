@@ -142,29 +142,38 @@ impl<V: Serialize> Enrolment<V> {
     }
 }
 
-/// Response to an enrolment.
+/// Response to an enrolment. `P` is the type of a robot's rule. The participant's page keeps it as
+/// text, because most participants meet only robots that drive straight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
-pub struct Enrolled {
+#[cfg_attr(
+    feature = "openapi",
+    schemars(rename = "Enrolled", description = "Response to an enrolment.")
+)]
+pub struct Enrolled<P = Box<RobotPolicy>> {
     /// Id of the participant.
     pub participant_id: String,
     /// Bearer token for all further requests.
     pub token: String,
     /// The scenes to drive.
-    pub plan: Plan,
+    pub plan: Plan<P>,
 }
 
 /// The scenes of a participant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
-pub struct Plan {
+#[cfg_attr(
+    feature = "openapi",
+    schemars(rename = "Plan", description = "The scenes of a participant.")
+)]
+pub struct Plan<P = Box<RobotPolicy>> {
     /// The phases, in order.
-    pub phases: Vec<PlannedPhase>,
+    pub phases: Vec<PlannedPhase<P>>,
 }
 
-impl Plan {
+impl<P> Plan<P> {
     /// Every scene in the order of driving, with its phase.
-    pub fn scenes(&self) -> impl Iterator<Item = (&PlannedPhase, &PlannedScene)> {
+    pub fn scenes(&self) -> impl Iterator<Item = (&PlannedPhase<P>, &PlannedScene<P>)> {
         self.phases.iter().flat_map(|phase| phase.scenes.iter().map(move |scene| (phase, scene)))
     }
 }
@@ -172,19 +181,27 @@ impl Plan {
 /// One phase of a plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
-pub struct PlannedPhase {
+#[cfg_attr(
+    feature = "openapi",
+    schemars(rename = "PlannedPhase", description = "One phase of a plan.")
+)]
+pub struct PlannedPhase<P = Box<RobotPolicy>> {
     /// The phase.
     pub phase: Phase,
     /// Whether the danger zone is drawn around the robot.
     pub show_danger_zone: bool,
     /// The scenes, in order.
-    pub scenes: Vec<PlannedScene>,
+    pub scenes: Vec<PlannedScene<P>>,
 }
 
 /// One scene of a plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
-pub struct PlannedScene {
+#[cfg_attr(
+    feature = "openapi",
+    schemars(rename = "PlannedScene", description = "One scene of a plan.")
+)]
+pub struct PlannedScene<P = Box<RobotPolicy>> {
     /// The id under which its trial is stored.
     pub trial_id: String,
     /// Index within its phase, from 0.
@@ -200,28 +217,40 @@ pub struct PlannedScene {
     /// The robot's goal (m).
     pub goal: [f64; 2],
     /// The rule that moves the robot. Absent if it drives straight.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub policy: Option<Box<RobotPolicy>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub policy: Option<P>,
+}
+
+impl<P> PlannedScene<P> {
+    /// Both vehicles and the goal, with a robot that drives straight.
+    #[must_use]
+    pub fn straight_scene(&self) -> Scene {
+        Scene { human: self.human, robot: self.robot, goal: self.goal, policy: None }
+    }
 }
 
 impl PlannedScene {
-    /// Both vehicles and the goal.
+    /// Both vehicles, the goal and the rule that moves the robot.
     #[must_use]
     pub fn scene(&self) -> Scene {
-        Scene { human: self.human, robot: self.robot, goal: self.goal, policy: self.policy.clone() }
+        Scene { policy: self.policy.clone(), ..self.straight_scene() }
     }
 }
 
 /// The progress of a participant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
-pub struct Progress {
+#[cfg_attr(
+    feature = "openapi",
+    schemars(rename = "Progress", description = "The progress of a participant.")
+)]
+pub struct Progress<P = Box<RobotPolicy>> {
     /// Id of the participant.
     pub participant_id: String,
     /// The study's name in URLs.
     pub study: String,
     /// The scenes to drive.
-    pub plan: Plan,
+    pub plan: Plan<P>,
     /// Ids of the stored trials, in the plan's order.
     pub stored: Vec<String>,
     /// Id of the next trial. Absent when all trials are stored.

@@ -160,13 +160,13 @@ impl SvmFile {
 
     /// Reads the fields of the kernel that the document names.
     fn read(document: &Value) -> Result<Self, Invalid> {
-        #[derive(Deserialize)]
-        struct Which {
-            kernel: KernelWord,
-        }
-        Ok(match from_value::<Which>(document)?.kernel {
-            KernelWord::Linear => Self::Linear(from_value(document)?),
-            KernelWord::Rbf => Self::Rbf(from_value(document)?),
+        let Some(kernel) = document.get("kernel") else {
+            return Err(Invalid::new("kernel", "linear or rbf", "none"));
+        };
+        // The files of both kernels refuse other words.
+        Ok(match kernel.as_str() {
+            Some("rbf") => Self::Rbf(from_value(document)?),
+            _ => Self::Linear(from_value(document)?),
         })
     }
 

@@ -479,18 +479,19 @@ mod tests {
     #[test]
     fn a_robot_that_evades_returns_to_its_goal() {
         let parameters = SceneParameters { steps: 70, ..SceneParameters::default() };
-        // The human passes from the left, and turns away.
+        // The human comes head-on and drives straight past. The goal is 28 m ahead.
         let scene = Scene {
             policy: Some(Box::new(policy(Rule::Evades))),
-            ..Scene::new(&parameters, Pose::new(10.0, 9.0, -PI / 2.0), Pose::new(0.0, 0.0, 0.0))
+            ..Scene::new(&parameters, Pose::new(24.0, 1.0, PI), Pose::new(0.0, 0.0, 0.0))
         };
-        let states = simulate(&parameters, &scene, &[TurnInput::Straight; 70]);
+        // The detour takes longer than the trial of a robot that drives straight.
+        let states = simulate(&parameters, &scene, &[TurnInput::Straight; 80]);
         let aside = states.iter().map(|state| state.robot.y.abs()).fold(0.0, f64::max);
         let nearest = states
             .iter()
             .map(|state| hypot(state.robot.x - scene.goal[0], state.robot.y - scene.goal[1]))
             .fold(f64::INFINITY, f64::min);
-        assert!(aside > 0.3 && nearest < 0.5, "{aside} m aside, {nearest} m from the goal");
+        assert!(aside > 0.3 && nearest < 0.25, "{aside} m aside, {nearest} m from the goal");
     }
 
     #[test]

@@ -114,12 +114,12 @@ impl Person {
     #[must_use]
     pub fn trial(&self, place: usize) -> TrialUpload {
         const STEP_MS: f64 = 200.0;
-        let (_, scene) = self.plan[place];
+        let (_, scene) = &self.plan[place];
         let [begin, end] =
             [5 + (7 * self.number + 3 * place) % 15, 25 + (self.number + place) % 20];
         let mut inputs = vec![TurnInput::Straight; 50];
         inputs[begin..end].fill(TurnInput::Left);
-        let mut trial = upload(&scene, inputs);
+        let mut trial = upload(scene, inputs);
         trial.started_at_ms = 1_760_000_000_000.25 + (1_000 * self.number + place) as f64;
         let early_ms = 1.0 + (self.number % 997) as f64 / 10.0;
         for (event, step) in trial.key_events.iter_mut().zip([begin, end]) {

@@ -42,7 +42,7 @@ async fn an_interrupted_task_is_driven_again_once_at_the_end() {
         driver.send(&server, &scenes[2].0, &driven(&scenes[2].1)).await.into(201);
     let (phase, again) = next(&server, &driver).await.unwrap();
     assert_eq!((last.next.as_ref(), phase), (Some(&again.trial_id), Phase::Task));
-    assert_eq!((again.index, again.attempt, again.scene()), (0, 2, scenes[1].1));
+    assert_eq!((again.index, again.attempt, again.scene()), (0, 2, scenes[1].1.clone()));
     driver.complete(&server).await.problem(409, "incomplete", None);
     let stored = driver.send(&server, &again.trial_id, &interrupted(&again.scene())).await;
     assert_eq!(stored.into::<TrialStored>(201).next, None, "at most one further attempt");

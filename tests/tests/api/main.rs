@@ -35,6 +35,7 @@ mod recruitment;
 mod retention;
 mod rights;
 mod attempts;
+mod robots;
 mod attacks;
 mod gates;
 mod process;

@@ -233,7 +233,7 @@ async fn the_drives_of_a_participant_are_their_tasks_to_the_bit() {
         assert_eq!(&task.trial_id, trial_id);
         let trial: TrialDetail = server.admin(&routes::admin_trial(trial_id)).await.into(200);
         assert_eq!((task.inputs.0.clone(), task.states()), (trial.inputs, trial.states));
-        assert_eq!((task.scene, found.parameters), (trial.scene, trial.parameters));
+        assert_eq!((&task.scene, found.parameters), (&trial.scene, trial.parameters));
         let ids = [&found.value_function_hr, &found.value_function_rh];
         assert_eq!(ids, [&trial.value_function_hr, &trial.value_function_rh]);
     }

@@ -251,7 +251,7 @@ async fn wrong_answers_too_often_end_a_participation() {
     assert_eq!(refused.body["return_url"], "https://app.example.org/out?p=a%2Fb");
     // The place is free, and a participant who passes the check can continue.
     let next = Driver::enrol(&server).await;
-    let scene = |driver: &Driver| driver.scenes()[0].1;
+    let scene = |driver: &Driver| driver.scenes()[0].1.clone();
     assert_eq!(scene(&next), scene(&driver));
     check(&next, 2, true).await.into::<ComprehensionStored>(200);
     let me: Progress = next.me(&server).await.into(200);

@@ -14,8 +14,8 @@ const README: &str = include_str!("../../../README.md");
 const SETTINGS: &str = include_str!("../../../web-client/src/pages/lab/configuration/settings.rs");
 
 /// Fields that the form shows with controls of their own, or not at all (`texts`).
-const NO_SETTINGS: [&str; 5] =
-    ["languages", "phases", "questions", "comprehension.questions", "texts"];
+const NO_SETTINGS: [&str; 6] =
+    ["languages", "phases", "robots", "questions", "comprehension.questions", "texts"];
 
 /// The study files in a document.
 fn examples(document: &'static str) -> Vec<&'static str> {

@@ -24,14 +24,14 @@ use self::state::{PlannedTrial, Session, Stage};
 use crate::drive::RobotTurnRate;
 use crate::form::Form;
 use crate::input::HeldKeys;
-use crate::json;
+use crate::json::{self, Verbatim};
 use crate::outbox::{self, Outbox};
 use crate::runtime::{Answer, Command, Commands, Event, NotKept, Page, PageContext, read};
 use crate::texts::Sentences as _;
 use crate::view::Node;
-use sidestep::api::{Completed, Progress, StudyInfo, Texts};
+use sidestep::api::{Completed, PlannedScene, Progress, StudyInfo, Texts};
 use sidestep::picture::Picture;
-use sidestep::scene::RobotPolicy;
+use sidestep::scene::{Scene, SceneParameters};
 use sidestep::study::AfterWrong;
 use std::rc::Rc;
 
@@ -42,17 +42,14 @@ const RETRY_MS: f64 = 2000.0;
 const LANGUAGE: &str = "sidestep.language";
 const STEERING: &str = "sidestep.keys";
 
-/// The code that moves robots by rules. Only the page of studies with such robots has it.
-struct RobotRules {
-    turn_rate: RobotTurnRate,
-    /// The rule as JSON, for the simulator.
-    told: fn(&RobotPolicy) -> String,
-}
+/// Makes the robot of a scene from the JSON text of its rule, if it has one. Only the page of studies
+/// with such robots has this code.
+type Robots = fn(SceneParameters, &PlannedScene<Verbatim>) -> Option<RobotTurnRate>;
 
 /// The participant's page.
 #[derive(Default)]
 pub struct Participant {
-    robots: Option<RobotRules>,
+    robots: Option<Robots>,
     context: PageContext,
     link: Link,
     /// The time of the last message, on the page's clock (ms).
@@ -66,7 +63,7 @@ pub struct Participant {
     texts: Texts,
     session: Option<Session>,
     /// The last progress report of the server.
-    progress: Option<Progress>,
+    progress: Option<Progress<Verbatim>>,
     plan: Vec<PlannedTrial>,
     /// Ids of the trials that the server has.
     stored: Vec<String>,
@@ -206,9 +203,10 @@ impl Participant {
     #[must_use]
     pub fn open_with_robots(context: PageContext) -> (Self, Commands<Msg>) {
         let (page, commands) = Self::open(context);
-        let robots = RobotRules {
-            turn_rate: |parameters, scene, states| scene.robot_turn_rate(parameters, states),
-            told: json::write,
+        let robots: Robots = |parameters, planned| {
+            let policy = json::read(planned.policy.as_ref()?.0.as_bytes())?;
+            let scene = Scene { policy: Some(policy), ..planned.straight_scene() };
+            Some(Box::new(move |states| scene.robot_turn_rate(&parameters, states)))
         };
         (Self { robots: Some(robots), ..page }, commands)
     }

@@ -88,7 +88,7 @@ impl Driving {
                 let started_at_ms = 0.0;
                 let (keys, held) = keys;
                 let drive =
-                    Drive::new(*parameters, scene, straight, now_ms, started_at_ms, keys, held);
+                    Drive::new(*parameters, scene, straight(), now_ms, started_at_ms, keys, held);
                 Self::Live(drive)
             }
             Driver::Synthetic(number) => {

@@ -4,7 +4,7 @@ use super::arena::Arena;
 use super::equipment::Steering;
 use super::state::{PlannedTrial, Stage, Stay};
 use super::{Msg, Participant, STEERING, lifted};
-use crate::drive::{Drive, RobotTurnRate, straight};
+use crate::drive::{Drive, straight};
 use crate::input::{BLUR, HeldKeys};
 use crate::json;
 use crate::runtime::{Command, Commands, Event};
@@ -132,9 +132,9 @@ impl Participant {
     pub(super) fn moves(&mut self, trial: Box<PlannedTrial>, start_ms: f64) -> Commands<Msg> {
         let parameters = self.study.as_ref().map(|study| study.parameters).unwrap_or_default();
         let started_at_ms = self.context.time_origin_ms + start_ms;
-        let (scene, keys) = (trial.scene.scene(), &self.steering.keys);
-        let robot = self.robots.as_ref().map_or(straight as RobotTurnRate, |rules| rules.turn_rate);
-        let held = &self.held;
+        let (scene, keys) = (trial.scene.straight_scene(), &self.steering.keys);
+        let robot = self.robots.and_then(|robots| robots(parameters, &trial.scene));
+        let (robot, held) = (robot.unwrap_or_else(straight), &self.held);
         let mut drive = Drive::new(parameters, &scene, robot, start_ms, started_at_ms, keys, held);
         drive.tick(self.now_ms);
         // Store the exposure first, so that it counts even if the page is reloaded.
@@ -173,7 +173,8 @@ impl Participant {
         } else {
             None
         };
-        let last = upload.states.last().copied().unwrap_or_else(|| trial.scene.scene().start());
+        let last =
+            upload.states.last().copied().unwrap_or_else(|| trial.scene.straight_scene().start());
         let outcome = outcome(&parameters, &upload.inputs, &upload.states);
         let keep = self.outbox.add(trial.id(), json::write(&upload));
         let trials = self.study.as_ref().map(|study| study.trials).unwrap_or_default();

@@ -5,7 +5,7 @@ use super::sending::ended;
 use super::state::{PlannedTrial, Quiz, Session, Stage};
 use super::{Msg, Part, Participant, lifted};
 use crate::drive::facts;
-use crate::json;
+use crate::json::{self, Verbatim};
 use crate::outbox::Outbox;
 use crate::runtime::{Command, Commands, Failure};
 use sidestep::api::{
@@ -132,7 +132,7 @@ impl Participant {
         self.session_name() + ".request"
     }
 
-    pub(super) fn enrolled(&mut self, enrolled: Enrolled) -> Commands<Msg> {
+    pub(super) fn enrolled(&mut self, enrolled: Enrolled<Verbatim>) -> Commands<Msg> {
         let session = Session { participant_id: enrolled.participant_id, token: enrolled.token };
         let mut commands = self.begin_session(session);
         commands.push(Command::Forget(self.enrolment_name()));
@@ -144,7 +144,7 @@ impl Participant {
         commands
     }
 
-    pub(super) fn progress_arrived(&mut self, progress: Progress) -> Commands<Msg> {
+    pub(super) fn progress_arrived(&mut self, progress: Progress<Verbatim>) -> Commands<Msg> {
         let mut commands = Vec::new();
         let is_first = self.plan.is_empty();
         if is_first && let Some(session) = &self.session {
@@ -158,12 +158,14 @@ impl Participant {
                 study.phases.iter().any(|config| config.phase == phase && config.feedback)
             })
         };
-        let planned = |(phase, scene): (&api::PlannedPhase, &PlannedScene)| PlannedTrial {
-            phase: phase.phase,
-            show_danger_zone: phase.show_danger_zone,
-            feedback: feedback(phase.phase),
-            of_phase: phase.scenes.iter().filter(|scene| scene.attempt == 1).count(),
-            scene: scene.clone(),
+        let planned = |(phase, scene): (&api::PlannedPhase<Verbatim>, &PlannedScene<Verbatim>)| {
+            PlannedTrial {
+                phase: phase.phase,
+                show_danger_zone: phase.show_danger_zone,
+                feedback: feedback(phase.phase),
+                of_phase: phase.scenes.iter().filter(|scene| scene.attempt == 1).count(),
+                scene: scene.clone(),
+            }
         };
         // Repeated attempts follow after all first attempts.
         let (first, further): (Vec<_>, Vec<_>) =

@@ -20,14 +20,14 @@ impl Participant {
                 picture.extend(self.labels(arena.state()));
                 return true;
             }
-            Stage::Countdown(trial, ..) => (trial, trial.scene.scene().start(), 0),
+            Stage::Countdown(trial, ..) => (trial, trial.scene.straight_scene().start(), 0),
             Stage::Driving(trial, drive) => (trial, drive.state_at(at_ms), drive.step_at(at_ms)),
             Stage::Over(trial, state, ..) => {
                 (trial, *state, self.study.as_ref().map_or(0, |study| study.parameters.steps))
             }
             _ => return false,
         };
-        let scene = trial.scene.scene();
+        let scene = trial.scene.straight_scene();
         picture.begin("scene", drive::window(&scene, state));
         picture.tell("data-step", step);
         picture.tell("data-phase", trial.phase.word());
@@ -40,8 +40,8 @@ impl Participant {
         picture.extend(stage::vehicles_and_goal(&scene, state));
         if self.link.simulates() {
             picture.tell("data-scene", told(&scene));
-            if let (Some(robots), Some(policy)) = (&self.robots, &scene.policy) {
-                picture.tell("data-policy", (robots.told)(policy));
+            if let Some(policy) = &trial.scene.policy {
+                picture.tell("data-policy", policy.0.clone());
             }
         }
         // In later phases, names beside moving vehicles would distract.

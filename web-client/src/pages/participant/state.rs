@@ -3,6 +3,7 @@
 use super::arena::Arena;
 use super::equipment::Equipment;
 use crate::drive::Drive;
+use crate::json::Verbatim;
 use serde::{Deserialize, Serialize};
 use sidestep::api::PlannedScene;
 use sidestep::scene::JointState;
@@ -23,7 +24,7 @@ pub(super) struct PlannedTrial {
     pub(super) feedback: bool,
     /// Number of scenes in the phase, not counting repeated attempts.
     pub(super) of_phase: usize,
-    pub(super) scene: PlannedScene,
+    pub(super) scene: PlannedScene<Verbatim>,
 }
 
 impl PlannedTrial {

@@ -80,15 +80,15 @@ fn progress(stored: &[&str]) -> Progress {
     }
 }
 
-/// Opens the page in a browser that has stored `kept`. The server has not answered yet.
-fn opened(kept: BTreeMap<String, String>, link: &str) -> Session {
+/// The browser in which the page opens.
+fn context(kept: &BTreeMap<String, String>, link: &str) -> PageContext {
     let (query, fragment) = link.split_once('#').unwrap_or((link, ""));
     let pairs = query.split('&').filter(|pair| !pair.is_empty());
     let pair = |pair: &str| {
         let (name, value) = pair.split_once('=').unwrap_or((pair, ""));
         (name.to_owned(), value.to_owned())
     };
-    let context = PageContext {
+    PageContext {
         address: Address {
             origin: "https://lab.example".into(),
             path: "/s/default".into(),
@@ -100,8 +100,12 @@ fn opened(kept: BTreeMap<String, String>, link: &str) -> Session {
         time_origin_ms: 1.7e12,
         random_name: Some("0123456789abcdef".into()),
         ..PageContext::default()
-    };
-    Session::new(Participant::open(context), kept)
+    }
+}
+
+/// Opens the page in a browser that has stored `kept`. The server has not answered yet.
+fn opened(kept: BTreeMap<String, String>, link: &str) -> Session {
+    Session::new(Participant::open(context(&kept, link)), kept)
 }
 
 /// Opens the page in a browser that has stored `kept`, and loads the study and the texts.

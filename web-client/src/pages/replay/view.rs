@@ -281,6 +281,7 @@ fn outcome(replay: &Replay) -> Node {
         fact("in danger zone", danger),
         fact("replay", exact),
         fact("safety levels", replay.sources.words()).test_id("safety-levels"),
+        fact("robot", replay.trial.scene.robot_name()),
         fact("flags", flags.unwrap_or_else(|| "none".to_owned())),
     ]))
 }

@@ -167,7 +167,7 @@ impl Fields<'_> {
         let at = path.to_owned();
         let select = self
             .select(path, words)
-            .on_input(move |entered| Msg::Rebuild(edit(&entered.text()), format!("field-{at}")));
+            .on_input(move |entered| Msg::Rebuild(edit(entered.text()), format!("field-{at}")));
         self.labelled(path, label, "", "", select)
     }
 

@@ -1,6 +1,50 @@
 //! Tests of the scenes: countdown, keys, interruptions and tabs.
 
 use super::*;
+use sidestep::scene::{JointState, RobotPolicy, Rule};
+use sidestep::trial::verify;
+
+/// A session whose robots evade, up to the first scene. `session` has just opened the page.
+fn with_evading_robots(mut session: Session) -> (Session, Plan) {
+    session.send("study", 200, &StudyInfo::of(&StudyConfig::default(), Admission::Open));
+    session.send("texts", 200, &texts());
+    session.equipped();
+    session.press("continue");
+    let policy = RobotPolicy {
+        name: "careful".into(),
+        rule: Rule::Evades,
+        threshold_m: Some(1.0),
+        ..RobotPolicy::default()
+    };
+    let mut plan = plan();
+    for scene in &mut plan.phases[0].scenes {
+        scene.policy = Some(Box::new(policy.clone()));
+    }
+    session.send("enrol", 201, &Enrolled { plan: plan.clone(), ..enrolled() });
+    session.send("progress", 200, &Progress { plan: plan.clone(), ..progress(&[]) });
+    (session, plan)
+}
+
+#[test]
+fn robots_move_by_their_rules() {
+    let parameters = StudyConfig::default().parameters;
+    let page = Participant::open_with_robots(context(&BTreeMap::new(), ""));
+    let (mut session, plan) = with_evading_robots(Session::new(page, BTreeMap::new()));
+    session.press("continue");
+    session.drive();
+    let trial = session.uploaded("t0");
+    let scene = plan.phases[0].scenes[0].scene();
+    assert!(verify(&parameters, &scene, &trial.inputs, &trial.states).exact);
+    let turned = |pair: &[JointState]| pair[0].robot_turned(&pair[1]) != 0.0;
+    assert!(trial.states.windows(2).any(turned));
+}
+
+#[test]
+fn a_page_without_the_rules_of_robots_drives_no_wrong_scene() {
+    let (session, _) = with_evading_robots(opened(BTreeMap::new(), ""));
+    let said = session.words("stuck").unwrap();
+    assert!(said.contains("out of date") && session.words("continue").is_none(), "{said}");
+}
 
 #[test]
 fn leaving_the_window_releases_the_keys() {
