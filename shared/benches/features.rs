@@ -87,7 +87,7 @@ fn trials(parameters: &SceneParameters) -> Vec<Trial> {
         let input = |_| TurnInput::ALL[(3.0 * rng.unit()) as usize % 3];
         let inputs: Vec<TurnInput> = (0..STEPS).map(input).collect();
         for &input in &inputs {
-            states.push(states[states.len() - 1].advance(parameters, input, 0.2));
+            states.push(states[states.len() - 1].advance(parameters, input, 0.0, 0.2));
         }
         (inputs, states)
     };

@@ -35,7 +35,7 @@ fn main() {
     let settings = ShfrsSettings::paper(3).unwrap().with_by_step(true);
     let motion = Motion::from(&parameters);
     let start = JointState { human: Pose::new(-8.0, 0.0, 0.1), robot: Pose::new(8.0, 1.0, 3.1) };
-    let next = |state: &JointState| Some(state.advance(&parameters, TurnInput::Left, 0.2));
+    let next = |state: &JointState| Some(state.advance(&parameters, TurnInput::Left, 0.0, 0.2));
     let trial: Vec<JointState> = std::iter::successors(Some(start), next).take(51).collect();
     let mut algorithm = Algorithm1::default();
     silent(|length| {

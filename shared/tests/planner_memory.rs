@@ -51,7 +51,7 @@ fn main() {
     let before = MEMORY.peak_usage();
     assert!(before > 0, "is anything counted?");
     for step in 0..200_usize {
-        state = state.advance(&parameters, TurnInput::ALL[step / 5 % 3], 0.2);
+        state = state.advance(&parameters, TurnInput::ALL[step / 5 % 3], 0.0, 0.2);
         if step % 40 == 0 {
             // Put the human ahead of the robot, so that they meet again. For the predictor, this is
             // a jump.

@@ -59,7 +59,7 @@ fn drives(driver: Driver, tasks: usize, seed: u64, safety: &SafetyLevels) -> Dat
         while inputs.len() < 50 {
             let (input, steps) = driver.input(states.last().unwrap(), &mut rng);
             inputs.resize((inputs.len() + steps).min(50), input);
-            states = simulate(&parameters, scene.start(), &inputs);
+            states = simulate(&parameters, scene, &inputs);
         }
         (inputs, states)
     };

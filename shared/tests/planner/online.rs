@@ -54,7 +54,7 @@ fn drive() -> Vec<JointState> {
         JointState { human: Pose::new(-8.0, 0.0, 0.1), robot: Pose::new(8.0, 1.0, 3.1) };
     let mut states = vec![state];
     for step in 0..40_usize {
-        state = state.advance(&parameters, TurnInput::ALL[step * step / 7 % 3], 0.2);
+        state = state.advance(&parameters, TurnInput::ALL[step * step / 7 % 3], 0.0, 0.2);
         states.push(state);
     }
     states
