@@ -145,5 +145,6 @@ fn recorded(number: u64, trial: &StoredTrial) -> RecordedTrial {
         started_at_ms: trial.content.started_at_ms,
         sampled_at_ms: trial.content.sampled_at_ms.clone(),
         flags: trial.head.flags.clone(),
+        robot: trial.scene.policy.as_ref().map(|policy| policy.name.clone()),
     }
 }

@@ -1,17 +1,22 @@
 //! Participants' behaviour: how often they entered the danger zone, how close they came, when they
 //! began to steer, and to which side.
 
+use crate::math::hypot;
 use crate::recording::{RecordedParticipant, RecordedTrial};
-use crate::scene::SceneParameters;
+use crate::scene::{JointState, Scene, SceneParameters};
 use crate::stats::{Estimate, Tally, mean_share, share};
 use crate::trial::outcome;
 use crate::vehicle::TurnInput;
 use crate::vehicle::dubins::relative_state;
 use serde::Serialize;
+use std::collections::BTreeSet;
 
 /// Number of consecutive parts into which a participant's tasks are divided, to show how behaviour
 /// changes.
 pub const PARTS: usize = 5;
+
+/// A share about which nothing is known.
+const UNKNOWN: Estimate = Estimate { value: 0.0, low: 0.0, high: 1.0 };
 
 /// Confidence level of intervals.
 const CONFIDENCE: f64 = 0.95;
@@ -21,6 +26,10 @@ const CONFIDENCE: f64 = 0.95;
 pub struct TaskBehaviour {
     /// The trial's number in the data.
     pub trial: u64,
+    /// The robot's name, if known.
+    pub robot: Option<String>,
+    /// Distance from the robot to its goal at the end of the trial (m).
+    pub robot_to_goal_m: f64,
     /// Whether the human was in the robot's danger zone at any time.
     pub in_danger: bool,
     /// Smallest distance between the vehicles (m).
@@ -60,6 +69,8 @@ impl TaskBehaviour {
         let turning = trial.inputs.iter().filter(turns).count() as f64;
         Self {
             trial: trial.number,
+            robot: trial.robot.clone(),
+            robot_to_goal_m: robot_to_goal_m(parameters, &trial.states),
             in_danger: outcome.first_step_in_danger.is_some(),
             closest_m: outcome.closest_m,
             robot_on_left: closest
@@ -68,6 +79,14 @@ impl TaskBehaviour {
             turning: turning / trial.inputs.len().max(1) as f64,
         }
     }
+}
+
+/// Distance from the robot to its goal in the last state (m). The goal lies straight ahead of the
+/// robot's start.
+fn robot_to_goal_m(parameters: &SceneParameters, states: &[JointState]) -> f64 {
+    let (Some(first), Some(last)) = (states.first(), states.last()) else { return 0.0 };
+    let [x, y] = Scene::new(parameters, first.human, first.robot).goal;
+    hypot(last.robot.x - x, last.robot.y - y)
 }
 
 /// A participant's behaviour in some tasks.
@@ -94,6 +113,8 @@ pub struct BehaviourSummary {
     pub onset_distance_m: Option<f64>,
     /// Mean share of steps in which the human turned, from 0 to 1.
     pub turning: f64,
+    /// Mean distance from the robot to its goal at the end of a task (m).
+    pub robot_to_goal_m: f64,
 }
 
 impl BehaviourSummary {
@@ -116,6 +137,7 @@ impl BehaviourSummary {
             onset_s: mean(onsets.iter().map(|onset| onset.time_s).collect()),
             onset_distance_m: mean(onsets.iter().map(|onset| onset.distance_m).collect()),
             turning: mean(tasks.iter().map(|of| of.turning).collect())?,
+            robot_to_goal_m: mean(tasks.iter().map(|of| of.robot_to_goal_m).collect())?,
         })
     }
 
@@ -138,6 +160,40 @@ pub struct PersonBehaviour {
     pub parts: Vec<Option<BehaviourSummary>>,
 }
 
+/// The behaviour of all participants towards one of the study's robots.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RobotBehaviour {
+    /// The robot's name.
+    pub name: String,
+    /// Number of participants who met this robot in a task.
+    pub people: usize,
+    /// Summary of all tasks with this robot.
+    pub all: BehaviourSummary,
+    /// Each participant's share of tasks in the danger zone, averaged over the participants, with a
+    /// 95 % confidence interval for the population mean.
+    pub danger_of_people: Estimate,
+}
+
+impl RobotBehaviour {
+    fn of(name: &str, people: &[PersonBehaviour]) -> Option<Self> {
+        let met = |person: &PersonBehaviour| -> Vec<TaskBehaviour> {
+            let is_it = |task: &&TaskBehaviour| task.robot.as_deref() == Some(name);
+            person.tasks.iter().filter(is_it).cloned().collect()
+        };
+        let met: Vec<_> = people.iter().map(met).filter(|tasks| !tasks.is_empty()).collect();
+        let shares: Vec<f64> = met
+            .iter()
+            .map(|tasks| tasks.iter().filter(|of| of.in_danger).count() as f64 / tasks.len() as f64)
+            .collect();
+        Some(Self {
+            name: name.to_owned(),
+            people: met.len(),
+            all: BehaviourSummary::of(&met.concat())?,
+            danger_of_people: mean_share(&shares, CONFIDENCE).unwrap_or(UNKNOWN),
+        })
+    }
+}
+
 /// All participants' behaviour.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Behaviour {
@@ -151,6 +207,8 @@ pub struct Behaviour {
     /// Each participant's share of tasks in the danger zone, averaged over the participants, with a
     /// 95 % confidence interval for the population mean.
     pub danger_of_people: Estimate,
+    /// The behaviour towards each robot that the study names, by name. Empty if it names none.
+    pub robots: Vec<RobotBehaviour>,
 }
 
 impl Behaviour {
@@ -176,14 +234,16 @@ impl Behaviour {
         };
         let people: Vec<PersonBehaviour> = participants.into_iter().filter_map(person).collect();
         let tallies: Vec<Tally> = people.iter().map(|person| person.all.danger()).collect();
-        let unknown = Estimate { value: 0.0, low: 0.0, high: 1.0 };
         let tasks: Vec<TaskBehaviour> =
             people.iter().flat_map(|person| person.tasks.iter().cloned()).collect();
-        let danger = share(&tallies, CONFIDENCE).unwrap_or(unknown);
+        let danger = share(&tallies, CONFIDENCE).unwrap_or(UNKNOWN);
         let share = |of: &Tally| of.hits as f64 / of.of as f64;
         let shares: Vec<f64> = tallies.iter().map(share).collect();
-        let danger_of_people = mean_share(&shares, CONFIDENCE).unwrap_or(unknown);
-        Self { danger, danger_of_people, all: BehaviourSummary::of(&tasks), people }
+        let danger_of_people = mean_share(&shares, CONFIDENCE).unwrap_or(UNKNOWN);
+        let names: BTreeSet<&str> = tasks.iter().filter_map(|of| of.robot.as_deref()).collect();
+        let robots = names.into_iter().filter_map(|name| RobotBehaviour::of(name, &people));
+        let robots = robots.collect();
+        Self { robots, danger, danger_of_people, all: BehaviourSummary::of(&tasks), people }
     }
 
     /// For each of the [`PARTS`] parts of the tasks, returns the participants' values according to
@@ -228,7 +288,32 @@ mod tests {
             started_at_ms: None,
             sampled_at_ms: None,
             flags: Vec::new(),
+            robot: None,
         }
+    }
+
+    #[test]
+    fn robots_are_told_apart() {
+        let parameters = SceneParameters::default();
+        let with = |number, inputs: &[TurnInput], robot: &str| RecordedTrial {
+            robot: Some(robot.to_owned()),
+            ..driven(number, inputs)
+        };
+        let left = [TurnInput::Left; 20];
+        let person = |trials| RecordedParticipant { trials, ..RecordedParticipant::default() };
+        let people = [
+            person(vec![with(0, &[], "b"), with(1, &left, "a"), with(2, &left, "b")]),
+            person(vec![with(0, &left, "b"), driven(1, &[])]),
+        ];
+        let behaviour = Behaviour::of(&parameters, &people);
+        let [a, b] = &behaviour.robots[..] else { panic!("{:?}", behaviour.robots) };
+        assert_eq!((&*a.name, a.people, a.all.tasks, a.all.in_danger), ("a", 1, 1, 0));
+        assert_eq!((&*b.name, b.people, b.all.tasks, b.all.in_danger), ("b", 2, 3, 1));
+        // Half of the first person's tasks with b, and none of the second person's.
+        assert!((b.danger_of_people.value - 0.25).abs() < 1e-12, "{:?}", b.danger_of_people);
+        assert!(behaviour.people[0].tasks.iter().all(|task| task.robot_to_goal_m < 1e-9));
+        let unnamed = Behaviour::of(&parameters, &[person(vec![driven(0, &left)])]);
+        assert!(unnamed.robots.is_empty());
     }
 
     #[test]

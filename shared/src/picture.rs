@@ -256,6 +256,12 @@ impl Picture {
 
     /// Sets an attribute of the canvas element, for programs.
     pub fn tell(&mut self, name: &'static str, value: impl Display) {
+        self.set_attribute(name, &value);
+    }
+
+    /// Not generic, so that a program contains this code once.
+    #[inline(never)]
+    fn set_attribute(&mut self, name: &'static str, value: &dyn Display) {
         let known = self.attributes.iter().position(|(known, _)| *known == name);
         let place = known.unwrap_or_else(|| {
             self.attributes.push((name, String::new()));

@@ -88,6 +88,8 @@ pub struct RecordedTrial {
     pub sampled_at_ms: Option<Vec<f64>>,
     /// The flags of the trial.
     pub flags: Vec<Flag>,
+    /// The robot's name, if the study names its robots and the source knows it.
+    pub robot: Option<String>,
 }
 
 impl RecordedParticipant {

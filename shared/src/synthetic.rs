@@ -117,6 +117,7 @@ impl SyntheticParticipant {
                 states,
                 started_at_ms: None,
                 sampled_at_ms: Some(sampled_at_ms),
+                robot: None,
             }
         };
         RecordedParticipant {

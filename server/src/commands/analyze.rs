@@ -37,6 +37,7 @@ use std::time::Instant;
 /// (D_start and D_end, steps) as in the paper, tests.csv, beside.csv, ablation.csv,
 /// calibration.csv, rollouts.csv (predictors fed with their own predictions), predictions.csv,
 /// leakage.csv with --leakage, behaviour.csv and behaviour_trials.csv (the behaviour of people),
+/// behaviour_robots.csv (by robot, if the study names its robots),
 /// learning.csv (fewer training tasks), unseen.csv (models trained on other people), importance.csv
 /// (the accuracy that models lose without a feature), figures/ (every figure of the report as SVG),
 /// models/ (a predictor.json for each fit; earlier files there are deleted), report.html,
@@ -125,9 +126,9 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     }
     report::write(&analysis, draft.path()).map_err(|e| unwritable(&args.out, &e))?;
     let kept_or = |e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e));
-    // Delete the leakage.csv of an earlier analysis in this folder. The other files of that analysis
+    // Delete the leakage.csv and behaviour_robots.csv of an earlier analysis in this folder. The other files of that analysis
     // are replaced.
-    draft.keep(&["leakage.csv"], &interrupt.token).map_err(kept_or)?;
+    draft.keep(&["leakage.csv", "behaviour_robots.csv"], &interrupt.token).map_err(kept_or)?;
     // The folder is complete now. If an error occurs before this line, all computed fits stay cached.
     cache.forget_unused().map_err(|e| unwritable(&kept, &e))?;
     let data = &analysis.data;

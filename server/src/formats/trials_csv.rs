@@ -322,6 +322,7 @@ fn begun(line: u64, row: &Row, rows: usize) -> RecordedTrial {
         started_at_ms: row.started_at_ms,
         sampled_at_ms: row.sampled_at_ms.map(|_| Vec::with_capacity(rows)),
         flags: row.flags.as_deref().unwrap_or_default().to_vec(),
+        robot: None,
     }
 }
 

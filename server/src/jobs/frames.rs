@@ -72,6 +72,7 @@ pub struct TrialHead {
     trial_id: Option<String>,
     started_at_ms: Option<f64>,
     flags: Vec<Flag>,
+    robot: Option<String>,
     inputs: usize,
     states: usize,
 }
@@ -142,6 +143,7 @@ impl ToChild {
                 trial_id: trial.trial_id.clone(),
                 started_at_ms: trial.started_at_ms,
                 flags: trial.flags.clone(),
+                robot: trial.robot.clone(),
                 inputs: trial.inputs.len(),
                 states: trial.states.len(),
             }
@@ -179,6 +181,7 @@ pub fn participant(
             started_at_ms: head.started_at_ms,
             sampled_at_ms: None,
             flags: head.flags,
+            robot: head.robot,
         })
     };
     let trials = trials.into_iter().map(&mut trial).collect::<io::Result<_>>()?;

@@ -37,10 +37,14 @@ const TABLES: [(&str, Table); 14] = [
 /// The table that exists only if the analysis has results about leakage.
 const LEAKAGE: (&str, Table) = ("leakage.csv", leakage);
 
+/// The table that exists only if the study names its robots.
+const ROBOTS: (&str, Table) = ("behaviour_robots.csv", further::behaviour_robots);
+
 /// The tables of this analysis, each with the name of its file and its writer.
 pub(super) fn tables(analysis: &Analysis) -> impl Iterator<Item = (&'static str, Table)> {
     let leakage = (!analysis.leakage.is_empty()).then_some(LEAKAGE);
-    TABLES.into_iter().chain(leakage)
+    let robots = (!analysis.behaviour.robots.is_empty()).then_some(ROBOTS);
+    TABLES.into_iter().chain(leakage).chain(robots)
 }
 
 /// Writes a header and rows. A row is a tuple, and its fields include the values of nested tuples.

@@ -94,6 +94,7 @@ mod tests {
             started_at_ms: None,
             sampled_at_ms: None,
             flags: Vec::new(),
+            robot: None,
         }
     }
 

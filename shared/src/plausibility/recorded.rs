@@ -148,6 +148,7 @@ mod tests {
             started_at_ms: None,
             sampled_at_ms: None,
             flags: Vec::new(),
+            robot: None,
         }
     }
 

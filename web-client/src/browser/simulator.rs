@@ -6,9 +6,9 @@ use crate::json;
 use crate::runtime::Address;
 use js_sys::{Reflect, Uint8Array};
 use sidestep::api::{StudyInfo, routes};
-use sidestep::scene::Scene;
+use sidestep::scene::{JointState, Scene, SceneParameters};
 use sidestep::synthetic::{KeyChange, Keys, SyntheticParticipant};
-use sidestep::vehicle::{Pose, TurnInput};
+use sidestep::vehicle::TurnInput;
 use std::cell::RefCell;
 use std::rc::Rc;
 use wasm_bindgen::prelude::*;
@@ -129,10 +129,12 @@ impl User {
         let attribute = |name: &str| canvas.get_attribute(name).unwrap_or_default();
         let trial = attribute("data-trial");
         if self.driven.as_ref().is_none_or(|(known, _)| *known != trial) {
-            let Some(scene) = scene(&attribute("data-scene"), &attribute("data-policy")) else {
+            let parameters = &self.study.parameters;
+            let Some(scene) =
+                scene(parameters, &attribute("data-scene"), &attribute("data-policy"))
+            else {
                 return;
             };
-            let parameters = &self.study.parameters;
             let drive = self.person.drive(self.trials, parameters, &scene, Keys::Clock);
             let mut changes = drive.key_changes;
             changes.reverse();
@@ -258,12 +260,10 @@ fn property(element: &Element, name: &str) -> String {
     value.as_string().unwrap_or_default()
 }
 
-/// Parses the scene that the page exposes: the human's x, y and heading, the robot's x, y and
-/// heading, and the goal; and the rule that moves the robot, unless it drives straight.
-fn scene(text: &str, policy: &str) -> Option<Scene> {
-    let [hx, hy, hpsi, rx, ry, rpsi, gx, gy]: [f64; 8] = json::read(text.as_bytes())?;
-    let pose = |x, y, psi| Pose { x, y, psi };
+/// The scene that the page exposes: both vehicles at the start, and the rule that moves the robot,
+/// unless it drives straight.
+fn scene(parameters: &SceneParameters, start: &str, policy: &str) -> Option<Scene> {
+    let JointState { human, robot } = json::read(start.as_bytes())?;
     let policy = if policy.is_empty() { None } else { Some(json::read(policy.as_bytes())?) };
-    let (human, robot) = (pose(hx, hy, hpsi), pose(rx, ry, rpsi));
-    Some(Scene { human, robot, goal: [gx, gy], policy })
+    Some(Scene { policy, ..Scene::new(parameters, human, robot) })
 }

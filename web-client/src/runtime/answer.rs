@@ -46,7 +46,7 @@ pub fn answer(status: u16, body: Vec<u8>) -> Answer {
             Failure { status, code, sentence: sentence(message), return_url }
         }
         None => {
-            let sentence = format!("The server answered with status {status}.");
+            let sentence = format!("The server answered with status {}.", u32::from(status));
             Failure { status, code: String::new(), sentence, return_url: None }
         }
     })

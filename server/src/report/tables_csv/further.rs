@@ -25,6 +25,22 @@ pub(super) fn behaviour(analysis: &Analysis, out: &mut dyn Write) -> io::Result<
     write(out, header, rows)
 }
 
+pub(super) fn behaviour_robots(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
+    let header = "robot,participants,tasks,in_danger,danger_share,danger_low,danger_high,closest_m,\
+                  least_m,steered,onset_s,onset_distance_m,turning,robot_to_goal_m";
+    let rows = analysis.behaviour.robots.iter().map(|robot| {
+        let (of, danger) = (&robot.all, robot.danger_of_people);
+        (
+            (&robot.name, robot.people, of.tasks, of.in_danger),
+            [danger.value, danger.low, danger.high].map(fraction),
+            (places(of.closest_m), places(of.least_m), of.steered),
+            (of.onset_s.map(places), of.onset_distance_m.map(places), fraction(of.turning)),
+            places(of.robot_to_goal_m),
+        )
+    });
+    write(out, header, rows)
+}
+
 pub(super) fn behaviour_trials(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     let header = "participant,trial,in_danger,closest_m,robot_on_left,onset_s,onset_distance_m,\
                   first_turn,turning";

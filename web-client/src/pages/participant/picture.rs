@@ -7,7 +7,7 @@ use crate::json;
 use sidestep::chart::colours;
 use sidestep::picture::stage;
 use sidestep::picture::{Picture, Shape};
-use sidestep::scene::{JointState, Scene};
+use sidestep::scene::JointState;
 use sidestep::trial::Phase;
 use sidestep::vehicle::Pose;
 use std::rc::Rc;
@@ -39,7 +39,8 @@ impl Participant {
         }
         picture.extend(stage::vehicles_and_goal(&scene, state));
         if self.link.simulates() {
-            picture.tell("data-scene", told(&scene));
+            // The goal follows from the start.
+            picture.tell("data-scene", json::write(&scene.start()));
             if let Some(policy) = &trial.scene.policy {
                 picture.tell("data-policy", policy.0.clone());
             }
@@ -63,19 +64,4 @@ impl Participant {
             label(state.robot, &self.names[1], colours::ROBOT),
         ]
     }
-}
-
-/// The scene for the simulator: x, y and heading of the human and of the robot, and the goal.
-fn told(scene: &Scene) -> String {
-    let numbers = [
-        scene.human.x,
-        scene.human.y,
-        scene.human.psi,
-        scene.robot.x,
-        scene.robot.y,
-        scene.robot.psi,
-        scene.goal[0],
-        scene.goal[1],
-    ];
-    json::write(&numbers)
 }
