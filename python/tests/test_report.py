@@ -299,7 +299,10 @@ def behaviour(trial):
     first = turns[0] if len(turns) else None
     onset = {"time_s": first * STEP_S, "distance_m": distance[first], "to_left": rates[first] > 0} if len(turns) else None
     closest = np.hypot(x, y).min()
+    goal = robot[0, :2] + SPEED_MPS * STEP_S * len(rates) * np.array([np.cos(robot[0, 2]), np.sin(robot[0, 2])])
     return {
+        "robot": None,
+        "robot_to_goal_m": np.hypot(*(robot[-1, :2] - goal)),
         "in_danger": closest <= RADIUS_M,
         "closest_m": closest,
         "robot_on_left": left > 0,
@@ -325,6 +328,7 @@ def summary(tasks):
         "onset_s": mean("time_s", onsets),
         "onset_distance_m": mean("distance_m", onsets),
         "turning": mean("turning", tasks),
+        "robot_to_goal_m": mean("robot_to_goal_m", tasks),
     }
 
 

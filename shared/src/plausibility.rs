@@ -10,7 +10,7 @@
 mod recorded;
 
 #[cfg(feature = "study")]
-pub use recorded::{check, check_inputs, exclude_impossible, replays};
+pub use recorded::{check, check_inputs, exclude_impossible, is_rounding, replays};
 
 use crate::invalid::Invalid;
 use crate::math::{PI, asin, atan2, hypot, sinc, wrap_angle};

@@ -3,6 +3,7 @@
 mod parameters;
 mod state;
 mod robot;
+mod assigned;
 mod encounter;
 mod range;
 mod rules;
@@ -11,6 +12,7 @@ mod design;
 mod williams;
 mod counterbalanced;
 
+pub use assigned::Scene;
 pub use counterbalanced::{StratifiedScene, counterbalanced};
 pub use design::{generate, generate_with};
 pub use encounter::Encounter;
@@ -18,6 +20,6 @@ pub use parameters::{Evader, SceneParameters};
 pub use range::EncounterRange;
 pub use robot::{RobotPolicy, RobotsVary, Rule, ScriptedTurn};
 pub use rules::{SceneRules, is_admissible};
-pub use state::{JointState, Scene, closest_within_step};
+pub use state::{JointState, closest_within_step};
 pub use strata::{Coordinate, Strata, Stratification};
 pub use williams::{williams_block, williams_order};

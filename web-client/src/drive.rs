@@ -247,12 +247,12 @@ impl Drive {
 /// Half the side length of the part of the world that is always visible (m).
 const WINDOW_HALF_M: f64 = 15.0;
 
-/// The visible part of the world: a fixed square, widened to include both starts, the goal and the
-/// human's vehicle.
+/// The visible part of the world: a fixed square, widened to include both starts, the goal and both
+/// vehicles.
 #[must_use]
 pub fn window(scene: &Scene, state: JointState) -> Window {
-    let human = state.human.position();
-    let fixed = [scene.human.position(), scene.robot.position(), scene.goal, human];
+    let [human, robot] = [state.human, state.robot].map(|pose| pose.position());
+    let fixed = [scene.human.position(), scene.robot.position(), scene.goal, human, robot];
     fixed.into_iter().fold(Window::square(WINDOW_HALF_M), |window, p| window.including(p, 2.5))
 }
 

@@ -33,6 +33,11 @@ pub fn write<T: Serialize>(value: &T) -> String {
     text
 }
 
+/// The text of a parsed value.
+fn text_of(value: &read::Json) -> String {
+    write(value)
+}
+
 /// A value that is kept as JSON text, for another program or for later.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Verbatim(pub String);

@@ -27,9 +27,9 @@ use std::path::PathBuf;
 /// from 0), phase, index (of the scene in the phase, from 0); approach_stratum, miss_stratum,
 /// entry_stratum; planned_miss_stratum, planned_entry_stratum (different if the planned cell has no
 /// admissible scene); approach_deg, miss_m, entry_s; human_x, human_y (m), human_psi (rad),
-/// robot_x, robot_y, robot_psi, goal_x, goal_y: the start; closest_m: the smallest distance if
-/// nobody turns (m). design.svg and design.png: the spread of the phase with the most scenes, and
-/// the first participant's scenes from above.
+/// robot_x, robot_y, robot_psi, goal_x, goal_y: the start; closest_m: the smallest distance if the
+/// human does not turn (m); robot: its name in the study. design.svg and design.png: the spread of
+/// the phase with the most scenes, and the first participant's scenes from above, if nobody turns.
 ///
 /// Prints one line of JSON with, for each phase: scenes; block, the number of participants after
 /// which the orders repeat; drawn, the number of scenes of all participants; exchanged, the number

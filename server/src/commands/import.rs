@@ -15,6 +15,7 @@ use crate::trial_content::{Content, Recipe};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use sidestep::invalid::Invalid;
+use sidestep::plausibility;
 use sidestep::recording::{Fault, RecordedParticipant, RecordedTrial};
 use sidestep::scene::{Scene, SceneParameters};
 use sidestep::study::StudyConfig;
@@ -301,8 +302,9 @@ fn imported(
 /// The planned scene of a trial, given the planned scenes of the `earlier` trials. A file has no plan,
 /// so the scene is derived from the trial's first state. A trial that the file marks as a further
 /// attempt gets the index of the earlier trial with the same scene, if there is one. A file does not
-/// say which of the study's robots the trial has, so the rules that move it as recorded tell, and
-/// its state after the last step follows from that robot.
+/// say which of the study's robots the trial has, so it is the first whose rule moves it as recorded,
+/// and its state after the last step follows from that rule. If there is none, the robot counts as
+/// one that drives straight.
 fn planned(
     study: &StudyConfig,
     earlier: &[PlannedRow],
@@ -312,13 +314,16 @@ fn planned(
     let mut scene = Scene::new(parameters, start.human, start.robot);
     let last = trial.inputs.len().saturating_sub(1);
     let (inputs, states) = (&trial.inputs[..last], &trial.states[..=last]);
-    let candidates = study.robots.iter().map(|robot| {
-        let candidate = Scene { policy: Some(Box::new(robot.clone())), ..scene.clone() };
-        let replay = verify(parameters, &candidate, inputs, states);
-        (replay.max_position_error_m + replay.max_heading_error_rad, candidate)
+    let mut candidates = study.robots.iter().map(|robot| {
+        let policy = Some(Box::new(robot.clone()));
+        Scene { policy, ..scene.clone() }
     });
-    if let Some((_, nearest)) = candidates.min_by(|(a, _), (b, _)| a.total_cmp(b)) {
-        scene = nearest;
+    let moves_it = |candidate: &Scene| {
+        let replay = verify(parameters, candidate, inputs, states);
+        plausibility::is_rounding(parameters, last, &replay)
+    };
+    if let Some(found) = candidates.find(moves_it) {
+        scene = found;
         if let (Some(&input), Some(before)) = (trial.inputs.last(), states.last()) {
             let robot_radps = scene.robot_turn_rate(parameters, states);
             trial.states[last + 1] =

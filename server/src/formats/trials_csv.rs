@@ -297,13 +297,10 @@ impl Trial {
             push(&mut trial, trial_id, &row, parameters).map_err(at(line))?;
         }
         length("step", parameters.steps, trial.inputs.len()).map_err(at(last_line))?;
-        // The state after the last step is computed from the last input. The robot turns as in the
-        // step before.
+        // The state after the last step is computed from the last input, with a robot that drives
+        // straight. An import into a study with other robots corrects it.
         if let (Some(&state), Some(&input)) = (trial.states.last(), trial.inputs.last()) {
-            let before = trial.states.iter().rev().nth(1);
-            let turned = before.map_or(0.0, |before| before.robot_turned(&state));
-            let robot_radps = turned / parameters.step_s;
-            trial.states.push(state.advance(parameters, input, robot_radps, parameters.step_s));
+            trial.states.push(state.advance(parameters, input, 0.0, parameters.step_s));
         }
         Ok(trial)
     }

@@ -76,8 +76,8 @@ mod tests {
     /// its queue.
     async fn served(folder: &TempDir, plans_waiting: usize) -> (Store, Router) {
         std::fs::create_dir_all(folder.path().join("assets")).unwrap();
-        let pages = ["index", "participant", "lab", "viewer", "reachability", "demo", "docs"];
-        for page in pages {
+        let pages = ["index", "participant", "participant_robots", "lab", "viewer"];
+        for page in pages.into_iter().chain(["reachability", "demo", "docs"]) {
             std::fs::write(folder.path().join(format!("{page}.html")), "").unwrap();
         }
         let url = format!("sqlite:{}", folder.path().join("test.db").display());

@@ -5,7 +5,7 @@ use crate::invalid::Invalid;
 use crate::math::wrap_angle;
 use crate::recording::{Exclusion, Fault, RecordedTrial, Recording};
 use crate::scene::{JointState, SceneParameters};
-use crate::trial::compare;
+use crate::trial::{Replay, compare};
 use crate::vehicle::{Pose, VehicleModel};
 
 /// Checks every step of a trial except the last one. The last state needs no check, because it is
@@ -59,9 +59,15 @@ pub fn replays(parameters: &SceneParameters, trial: &RecordedTrial) -> bool {
         let now = replayed[replayed.len() - 1];
         replayed.push(now.advance(parameters, input, robot_radps, parameters.step_s));
     }
-    let replay = compare(&replayed, &trial.states);
+    is_rounding(parameters, trial.inputs.len(), &compare(&replayed, &trial.states))
+}
+
+/// Whether recorded states of a trial with this many steps differ from the replayed states only by
+/// rounding to three decimals.
+#[must_use]
+pub fn is_rounding(parameters: &SceneParameters, steps: usize, replay: &Replay) -> bool {
     let speed = parameters.human.speed_mps.abs().max(parameters.robot.speed_mps.abs());
-    let way_m = speed * parameters.step_s * trial.inputs.len() as f64;
+    let way_m = speed * parameters.step_s * steps as f64;
     // The rounding error of a heading adds a position error that grows with the length of the path.
     let position_m = DISTANCE_ROUNDING + ROUNDING * way_m;
     replay.exact

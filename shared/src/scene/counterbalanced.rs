@@ -1,10 +1,10 @@
 //! The scenes of a study's participants, counterbalanced across them.
 
+use super::assigned::Scene;
 use super::encounter::{Encounter, no_scene, place as scene_of};
 use super::parameters::SceneParameters;
 use super::range::EncounterRange;
 use super::rules::SceneRules;
-use super::state::Scene;
 use super::strata::{Coordinate, Strata, Stratification};
 use super::williams::williams_order;
 use crate::invalid::Invalid;

@@ -1,10 +1,10 @@
 //! Scenes of a single participant: random, and evenly spread over three coordinates of the encounter.
 
+use super::assigned::Scene;
 use super::encounter::{Encounter, no_scene, place};
 use super::parameters::SceneParameters;
 use super::range::EncounterRange;
 use super::rules::SceneRules;
-use super::state::Scene;
 use super::strata::Stratification;
 use crate::invalid::Invalid;
 use crate::math::{SeededRng, TAU, wrap_angle};

@@ -1,7 +1,7 @@
 //! Encounters: the course of a scene if neither vehicle turns.
 
+use super::assigned::Scene;
 use super::parameters::SceneParameters;
-use super::state::Scene;
 use crate::invalid::Invalid;
 use crate::math::{hypot, sin_cos, wrap_angle};
 use crate::vehicle::Pose;

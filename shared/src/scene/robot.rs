@@ -5,9 +5,9 @@
 //! synthetic participant get the same robot, bit for bit.
 
 use super::parameters::{Evader, SceneParameters};
-use super::state::{JointState, Scene};
+use super::state::JointState;
 use crate::invalid::{Invalid, positive};
-use crate::math::{atan2, sin_cos, wrap_angle};
+use crate::math::{PI, atan2, sin_cos, wrap_angle};
 use crate::vehicle::{Pose, TurnInput, dubins};
 use serde::{Deserialize, Serialize};
 
@@ -110,8 +110,7 @@ impl RobotsVary {
     /// Within participants, the robots alternate over the approach strata, and the next participant
     /// meets the next robot in each stratum. So every participant meets every robot equally often,
     /// and of as many participants in a row as there are robots, each meets another robot in a
-    /// stratum. The strata have random labels ([`counterbalanced`](super::counterbalanced)), so the
-    /// order of the robots is random.
+    /// stratum. The strata have random labels, so the order of the robots is random.
     #[must_use]
     pub fn robot(self, robots: usize, place: u64, approach_stratum: usize) -> usize {
         let turn = match self {
@@ -159,6 +158,16 @@ impl RobotPolicy {
             let expected =
                 format!("1 to {MAX_NAME} lower-case letters, digits, hyphens and underscores");
             return Err(Invalid::new("name", expected, format!("{:?}", self.name)));
+        }
+        if self.name == Rule::Straight.word() && self.may_turn() {
+            let expected = "another name, since straight names robots that drive straight";
+            return Err(Invalid::new("name", expected, format!("rule = {:?}", self.rule.word())));
+        }
+        let turned_rad = parameters.robot.turn_rate_radps * parameters.step_s;
+        if self.may_turn() && turned_rad >= PI {
+            let expected = "straight, unless the robot turns by less than π rad in a step";
+            let found = format!("{}, and {turned_rad} rad", self.rule.word());
+            return Err(Invalid::new("rule", expected, found));
         }
         let given = [
             ("way_points_m", Rule::WayPoints, !self.way_points_m.is_empty()),
@@ -245,18 +254,19 @@ impl RobotPolicy {
     }
 
     /// The robot's turn rate (rad/s) in the step that begins in the last of `states`, the states
-    /// from the start of the scene on. Zero without states.
+    /// from the start of the scene on. Zero without states. `start` is the robot at the start.
     #[must_use]
     pub fn turn_rate(
         &self,
         parameters: &SceneParameters,
-        scene: &Scene,
+        start: Pose,
+        goal: [f64; 2],
         states: &[JointState],
     ) -> f64 {
         let Some(now) = states.last() else { return 0.0 };
         match self.rule {
             Rule::Straight => 0.0,
-            Rule::WayPoints => towards(parameters, now.robot, self.target(scene, now.robot)),
+            Rule::WayPoints => towards(parameters, now.robot, self.target(start, goal, now.robot)),
             Rule::Script => {
                 let begun_s = (states.len() - 1) as f64 * parameters.step_s;
                 // A part that ends with the step before must not last longer by a rounding error.
@@ -264,23 +274,23 @@ impl RobotPolicy {
                     |turn: &&ScriptedTurn| turn.until_s - begun_s > 1e-9 * parameters.step_s;
                 self.turns.iter().find(is_left).map_or(0.0, |turn| turn.turn_rate_radps)
             }
-            Rule::Evades => self.evading(parameters, scene, now),
+            Rule::Evades => self.evading(parameters, goal, now),
         }
     }
 
     /// The first way point that is farther ahead than the robot, otherwise the goal.
-    fn target(&self, scene: &Scene, robot: Pose) -> [f64; 2] {
-        let (sin, cos) = sin_cos(scene.robot.psi);
-        let driven_m = (robot.x - scene.robot.x) * cos + (robot.y - scene.robot.y) * sin;
+    fn target(&self, start: Pose, goal: [f64; 2], robot: Pose) -> [f64; 2] {
+        let (sin, cos) = sin_cos(start.psi);
+        let driven_m = (robot.x - start.x) * cos + (robot.y - start.y) * sin;
         let next = self.way_points_m.iter().find(|[ahead, _]| *ahead > driven_m);
-        next.map_or(scene.goal, |&[ahead, left]| {
-            let [x, y] = scene.robot.position();
+        next.map_or(goal, |&[ahead, left]| {
+            let [x, y] = start.position();
             [x + ahead * cos - left * sin, y + ahead * sin + left * cos]
         })
     }
 
     /// The turn rate of the rule `evades`.
-    fn evading(&self, parameters: &SceneParameters, scene: &Scene, now: &JointState) -> f64 {
+    fn evading(&self, parameters: &SceneParameters, goal: [f64; 2], now: &JointState) -> f64 {
         let (Ok(value), Some(threshold_m)) =
             (parameters.game(Evader::Robot).exact(), self.threshold_m)
         else {
@@ -295,7 +305,7 @@ impl RobotPolicy {
             let level = |human: Pose| value.value(dubins::relative_state(robot, human));
             humans.into_iter().map(level).fold(f64::INFINITY, f64::min)
         };
-        let to_goal = towards(parameters, now.robot, scene.goal);
+        let to_goal = towards(parameters, now.robot, goal);
         let most = parameters.robot.turn_rate_radps;
         let mut best = (worst(to_goal), to_goal);
         if best.0 > threshold_m {
@@ -329,8 +339,8 @@ fn towards(parameters: &SceneParameters, robot: Pose, [x, y]: [f64; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{PI, SeededRng, hypot};
-    use crate::scene::{EncounterRange, generate};
+    use crate::math::{SeededRng, hypot};
+    use crate::scene::{EncounterRange, Scene, generate};
     use crate::trial::{simulate, verify};
 
     fn policy(rule: Rule) -> RobotPolicy {
@@ -523,6 +533,11 @@ mod tests {
             refused(Rule::Script, |it| it.turns[0].turn_rate_radps = 0.6),
             "turns[0].turn_rate_radps: expected a number from -0.5 to 0.5, found 0.6",
         );
+        starts(refused(Rule::Script, |it| it.name = "straight".into()), "name: expected another");
+        let mut spins = parameters;
+        spins.robot.turn_rate_radps = 16.0;
+        let said = policy(Rule::Script).check(&spins).unwrap_err().to_string();
+        assert!(said.starts_with("rule: expected straight"), "{said}");
         let mut unequal = parameters;
         unequal.robot.speed_mps = 1.5;
         let said = policy(Rule::Evades).check(&unequal).unwrap_err().to_string();

@@ -5,9 +5,10 @@
 //! lines and one turn. Where rounding errors could matter, it calls the definition, so that the
 //! scenes of a seed stay the same, bit for bit.
 
+use super::assigned::Scene;
 use super::parameters::{Evader, SceneParameters};
 use super::range::EncounterRange;
-use super::state::{JointState, SAMPLES_PER_STEP, Scene, closest_within_step};
+use super::state::{JointState, SAMPLES_PER_STEP, closest_within_step};
 use crate::math::{hypot, sin_cos};
 use crate::reachability::ExactValue;
 use crate::vehicle::{Pose, TurnInput};

@@ -13,10 +13,10 @@ fn human() -> Pen {
 pub(super) fn paint(playback: &mut Playback, _: &Style, picture: &mut Picture) {
     let (state, states) = (playback.now.state, &playback.recorded.states);
     let ahead = states.get(playback.now.step + 1..).unwrap_or_default();
-    let robot = [state.robot.position(), playback.recorded.scene.goal];
-    picture.polyline(robot, Pen::new(colours::ROBOT, 1.0).dashed(1.0, 4.0));
-    let path = [state].into_iter().chain(ahead.iter().copied());
-    picture.polyline(path.map(|state| state.human.position()), human());
+    let path = || [state].into_iter().chain(ahead.iter().copied());
+    let robot = Pen::new(colours::ROBOT, 1.0).dashed(1.0, 4.0);
+    picture.polyline(path().map(|state| state.robot.position()), robot);
+    picture.polyline(path().map(|state| state.human.position()), human());
 }
 
 pub(super) fn legend(playback: &Playback, _: &Style) -> Vec<LegendItem> {

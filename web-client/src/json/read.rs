@@ -245,9 +245,9 @@ impl<'de> Deserializer<'de> for &Json {
         deserialize_string deserialize_identifier deserialize_char => deserialize_str;
     }
 
-    /// Only [`Verbatim`](super::Verbatim) requests bytes. It gets the value as JSON text.
+    /// Only `Verbatim` requests bytes. It gets the value as JSON text.
     fn deserialize_bytes<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
-        visitor.visit_str(&super::write(self))
+        visitor.visit_str(&super::text_of(self))
     }
 
     forward_to_deserialize_any! { byte_buf unit unit_struct tuple_struct }

@@ -6,9 +6,12 @@ use crate::store::misfit::Misfit;
 use crate::store::sql::{self, Connection, params};
 use std::ops::Range;
 
+/// The migration that makes the mark.
+const MARKED: i64 = 16;
+
 /// Repairs the parts of a damaged SQLite file that are the same in every database of this version:
-/// the text of the schema, the mark, and the table of migrations. The last migration added the
-/// mark, so a file with a mark is of this version. `db` must be allowed to write the schema. `like`
+/// the text of the schema, the mark, and the table of migrations. Migration [`MARKED`] added the
+/// mark, so a file without a mark is of an earlier version. `db` must be allowed to write the schema. `like`
 /// must have all migrations and no data.
 pub(in crate::store) fn renew(db: &Connection, like: &Connection) -> Result<(), Failure> {
     const MARK: &str = "mark";
@@ -49,7 +52,8 @@ pub(in crate::store) fn renew(db: &Connection, like: &Connection) -> Result<(), 
             ))?;
         }
     }
-    if let ([true, _], Some((.., made))) = (lost, SQLITE.last()) {
+    let made = SQLITE.iter().find(|(version, ..)| *version == MARKED);
+    if let ([true, _], Some((.., made))) = (lost, made) {
         db.batch(made)?;
     }
     if lost[1] {

@@ -12,6 +12,8 @@ pub(in crate::pages::lab) enum Edit {
     Unset(String),
     /// Changes the kind of a question and removes the fields of the old kind.
     Kind(String, Value),
+    /// Gives the robot at this path another rule, and removes the settings of the old rule.
+    Rule(String, String),
     /// Sets several fields.
     Fill(Vec<(&'static str, Value)>),
     /// Inserts an item into a list.
@@ -38,6 +40,10 @@ impl Edit {
                     set(&mut new, kept, old.get(kept).cloned().unwrap_or_default());
                 }
                 set(study, question, new);
+            }
+            Self::Rule(robot, rule) => {
+                let new = new_robot(text(study, &format!("{robot}.name")), &rule);
+                set(study, &robot, new);
             }
             Self::Fill(fields) => {
                 for (path, value) in fields {

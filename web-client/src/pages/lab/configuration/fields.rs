@@ -302,7 +302,11 @@ pub(super) fn name_of(labels: &[(String, String)], field: &str, language: &str) 
     let option = place("options[").map(|n| format!("option {n}"));
     // The text of a question or option is named only by its position.
     let label = Some(label.clone()).filter(|label| label != "Question" && label != "Option");
-    let parts: Vec<String> = [question, option, label].into_iter().flatten().collect();
+    let robot = place("robots[").map(|n| format!("Robot {n}"));
+    let point = place("way_points_m[").map(|n| format!("way point {n}"));
+    let turn = place("turns[").map(|n| format!("turn {n}"));
+    let parts: Vec<String> =
+        [question, option, robot, point, turn, label].into_iter().flatten().collect();
     Some(parts.join(", "))
 }
 

@@ -42,9 +42,8 @@ pub(super) fn all(fields: &Fields<'_>) -> Vec<Node> {
 fn one(fields: &Fields<'_>, i: usize, robot: &Value) -> Node {
     let path = format!("robots[{i}]");
     let of = |field: &str| format!("{path}.{field}");
-    let name = text(robot, "name").to_owned();
     let at = path.clone();
-    let renew = move |rule: &str| Edit::Set(at.clone(), new_robot(&name, rule));
+    let renew = move |rule: &str| Edit::Rule(at.clone(), rule.to_owned());
     let mut inside = vec![
         fields.line(&of("name"), "Name in exports and reports", ""),
         fields.kind(&of("rule"), "This robot", &RULES, renew),
@@ -57,12 +56,24 @@ fn one(fields: &Fields<'_>, i: usize, robot: &Value) -> Node {
                 let point = format!("{points}[{k}]");
                 el("div")
                     .class("row")
-                    .child(fields.number(&format!("{point}[0]"), "Ahead of its start", "m", ""))
+                    .child(fields.number(
+                        &format!("{point}[0]"),
+                        &format!("Way point {}: ahead", k + 1),
+                        "m",
+                        "",
+                    ))
                     .child(fields.number(&format!("{point}[1]"), "To the left", "m", ""))
                     .child(fields.entry_buttons(&points, k, "way point"))
             }));
-            let last = number(robot, &format!("way_points_m[{}][0]", count.saturating_sub(1)));
-            let new = new_way_point(last.unwrap_or_default() + 5.0);
+            // Halfway between the last point and the goal.
+            let last = number(fields.study, &format!("{points}[{}][0]", count.saturating_sub(1)));
+            let of = |field: &str| number(fields.study, field).unwrap_or_default();
+            let goal_m = ["robot.speed_mps", "step_s", "steps"]
+                .map(|field| of(&format!("parameters.{field}")))
+                .iter()
+                .product::<f64>();
+            let halfway_m = (0.5 * (last.unwrap_or_default() + goal_m) * 100.0).round() / 100.0;
+            let new = new_way_point(halfway_m);
             inside.push(fields.add(&points, "Add a way point", new, "[0]"));
         }
         "script" => {
@@ -72,7 +83,12 @@ fn one(fields: &Fields<'_>, i: usize, robot: &Value) -> Node {
                 let of = |field: &str| format!("{turns}[{k}].{field}");
                 el("div")
                     .class("row")
-                    .child(fields.number(&of("until_s"), "Until", "s", ""))
+                    .child(fields.number(
+                        &of("until_s"),
+                        &format!("Turn {}: until", k + 1),
+                        "s",
+                        "",
+                    ))
                     .child(fields.number(
                         &of("turn_rate_radps"),
                         "Turn rate, left > 0",
@@ -81,7 +97,8 @@ fn one(fields: &Fields<'_>, i: usize, robot: &Value) -> Node {
                     ))
                     .child(fields.entry_buttons(&turns, k, "turn"))
             }));
-            let last = number(robot, &format!("turns[{}].until_s", count.saturating_sub(1)));
+            let last =
+                number(fields.study, &format!("{turns}[{}].until_s", count.saturating_sub(1)));
             let new = new_turn(last.unwrap_or_default() + 1.0);
             inside.push(fields.add(&turns, "Add a turn", new, ".until_s"));
         }
