@@ -12,9 +12,8 @@ mod read;
 mod write;
 
 pub use number::number;
-use serde::de::{DeserializeOwned, Deserializer, Visitor};
-use serde::{Deserialize, Serialize};
-use std::fmt;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 /// Deserializes a text. Returns `None` if it is not JSON or does not have the expected shape.
 #[must_use]
@@ -31,33 +30,6 @@ pub fn write<T: Serialize>(value: &T) -> String {
     // This cannot fail, because wire types contain nothing that JSON cannot represent.
     let _ = value.serialize(write::Writer(&mut text));
     text
-}
-
-/// The text of a parsed value.
-fn text_of(value: &read::Json) -> String {
-    write(value)
-}
-
-/// A value that is kept as JSON text, for another program or for later.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Verbatim(pub String);
-
-impl<'de> Deserialize<'de> for Verbatim {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        struct Text;
-        impl Visitor<'_> for Text {
-            type Value = Verbatim;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a value")
-            }
-
-            fn visit_str<E>(self, text: &str) -> Result<Verbatim, E> {
-                Ok(Verbatim(text.to_owned()))
-            }
-        }
-        from.deserialize_bytes(Text)
-    }
 }
 
 #[cfg(test)]
@@ -82,13 +54,6 @@ mod tests {
         assert_eq!(read::<TurnInput>(b"-1"), Some(TurnInput::Right));
         assert_eq!(read::<u32>(b"1.5"), None);
         assert_eq!(read::<Pose>(b"[1,2]"), None);
-    }
-
-    #[test]
-    fn a_value_is_kept_as_text() {
-        let text = r#"{"name":"a \"b\"","x":[1,-0.5,[true,null]]}"#;
-        let list: Vec<Verbatim> = read(format!("[{text}]").as_bytes()).unwrap();
-        assert_eq!(list[0].0, text);
     }
 
     #[test]

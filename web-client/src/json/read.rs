@@ -2,7 +2,7 @@
 
 use serde::de::value::StrDeserializer;
 use serde::de::{DeserializeSeed, Deserializer, MapAccess, SeqAccess, Visitor};
-use serde::{Serialize, Serializer, forward_to_deserialize_any};
+use serde::forward_to_deserialize_any;
 use std::fmt;
 
 /// A JSON value.
@@ -14,19 +14,6 @@ pub(super) enum Json {
     List(Vec<Json>),
     /// Names and values.
     Object(Vec<(String, Json)>),
-}
-
-impl Serialize for Json {
-    fn serialize<S: Serializer>(&self, out: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Null => out.serialize_unit(),
-            Self::Bool(flag) => out.serialize_bool(*flag),
-            Self::Number(number) => out.serialize_f64(*number),
-            Self::Text(text) => out.serialize_str(text),
-            Self::List(list) => out.collect_seq(list),
-            Self::Object(fields) => out.collect_map(fields.iter().map(|(name, it)| (name, it))),
-        }
-    }
 }
 
 /// The error for a value that does not have the expected shape. It has no details, because nobody
@@ -245,12 +232,7 @@ impl<'de> Deserializer<'de> for &Json {
         deserialize_string deserialize_identifier deserialize_char => deserialize_str;
     }
 
-    /// Only `Verbatim` requests bytes. It gets the value as JSON text.
-    fn deserialize_bytes<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
-        visitor.visit_str(&super::text_of(self))
-    }
-
-    forward_to_deserialize_any! { byte_buf unit unit_struct tuple_struct }
+    forward_to_deserialize_any! { bytes byte_buf unit unit_struct tuple_struct }
 }
 
 fn is_whole(number: f64) -> bool {

@@ -5,6 +5,7 @@
 //! the participant's language.
 
 mod link;
+mod robots;
 mod arena;
 mod equipment;
 mod state;
@@ -20,18 +21,17 @@ mod tests;
 
 use self::equipment::Steering;
 use self::link::Link;
+use self::robots::{ReadRules, Rules, Unread};
 use self::state::{PlannedTrial, Session, Stage};
-use crate::drive::RobotTurnRate;
 use crate::form::Form;
 use crate::input::HeldKeys;
-use crate::json::{self, Verbatim};
+use crate::json;
 use crate::outbox::{self, Outbox};
 use crate::runtime::{Answer, Command, Commands, Event, NotKept, Page, PageContext, read};
 use crate::texts::Sentences as _;
 use crate::view::Node;
-use sidestep::api::{Completed, PlannedScene, Progress, StudyInfo, Texts};
+use sidestep::api::{Completed, Progress, StudyInfo, Texts};
 use sidestep::picture::Picture;
-use sidestep::scene::{Scene, SceneParameters};
 use sidestep::study::AfterWrong;
 use std::rc::Rc;
 
@@ -42,14 +42,12 @@ const RETRY_MS: f64 = 2000.0;
 const LANGUAGE: &str = "sidestep.language";
 const STEERING: &str = "sidestep.keys";
 
-/// Makes the robot of a scene from the JSON text of its rule, if it has one. Only the page of studies
-/// with such robots has this code.
-type Robots = fn(SceneParameters, &PlannedScene<Verbatim>) -> Option<RobotTurnRate>;
-
 /// The participant's page.
 #[derive(Default)]
 pub struct Participant {
-    robots: Option<Robots>,
+    /// Reads the rules of robots. `None` in the page of studies whose robots have no rules.
+    reads_rules: Option<ReadRules>,
+    rules: Option<Box<dyn Rules>>,
     context: PageContext,
     link: Link,
     /// The time of the last message, on the page's clock (ms).
@@ -63,7 +61,7 @@ pub struct Participant {
     texts: Texts,
     session: Option<Session>,
     /// The last progress report of the server.
-    progress: Option<Progress<Verbatim>>,
+    progress: Option<Progress<Unread>>,
     plan: Vec<PlannedTrial>,
     /// Ids of the trials that the server has.
     stored: Vec<String>,
@@ -203,12 +201,7 @@ impl Participant {
     #[must_use]
     pub fn open_with_robots(context: PageContext) -> (Self, Commands<Msg>) {
         let (page, commands) = Self::open(context);
-        let robots: Robots = |parameters, planned| {
-            let policy = json::read(planned.policy.as_ref()?.0.as_bytes())?;
-            let scene = Scene { policy: Some(policy), ..planned.straight_scene() };
-            Some(Box::new(move |states| scene.robot_turn_rate(&parameters, states)))
-        };
-        (Self { robots: Some(robots), ..page }, commands)
+        (Self { reads_rules: Some(robots::read), ..page }, commands)
     }
 
     /// Parses the record that was stored under a name when the page opened.
@@ -306,10 +299,15 @@ impl Participant {
             },
             Msg::SessionKept(kept) => self.not_kept = kept.err(),
             Msg::Noted => {}
-            Msg::Progress(answer) => match read(answer) {
-                Ok(progress) => return self.progress_arrived(progress),
-                Err(failure) => return self.progress_failed(&failure),
-            },
+            Msg::Progress(answer) => {
+                if let (Some(read), Ok(report)) = (self.reads_rules, &answer) {
+                    self.rules = read(report);
+                }
+                return match read(answer) {
+                    Ok(progress) => self.progress_arrived(progress),
+                    Err(failure) => self.progress_failed(&failure),
+                };
+            }
             Msg::Checked(form) => return self.checked(&form),
             Msg::Understood(answer) => match read(answer) {
                 Ok(stored) => return self.understood(stored),

@@ -133,7 +133,7 @@ impl Participant {
         let parameters = self.study.as_ref().map(|study| study.parameters).unwrap_or_default();
         let started_at_ms = self.context.time_origin_ms + start_ms;
         let (scene, keys) = (trial.scene.straight_scene(), &self.steering.keys);
-        let robot = self.robots.and_then(|robots| robots(parameters, &trial.scene));
+        let robot = self.rules.as_ref().and_then(|rules| rules.robot(trial.id(), parameters));
         let (robot, held) = (robot.unwrap_or_else(straight), &self.held);
         let mut drive = Drive::new(parameters, &scene, robot, start_ms, started_at_ms, keys, held);
         drive.tick(self.now_ms);

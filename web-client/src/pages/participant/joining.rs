@@ -1,11 +1,12 @@
 //! The way from the link to the first page: the study, its texts, the enrolment, and the page at
 //! which a returning participant continues.
 
+use super::robots::Unread;
 use super::sending::ended;
 use super::state::{PlannedTrial, Quiz, Session, Stage};
 use super::{Msg, Part, Participant, lifted};
 use crate::drive::facts;
-use crate::json::{self, Verbatim};
+use crate::json;
 use crate::outbox::Outbox;
 use crate::runtime::{Command, Commands, Failure};
 use sidestep::api::{
@@ -132,7 +133,7 @@ impl Participant {
         self.session_name() + ".request"
     }
 
-    pub(super) fn enrolled(&mut self, enrolled: Enrolled<Verbatim>) -> Commands<Msg> {
+    pub(super) fn enrolled(&mut self, enrolled: Enrolled<Unread>) -> Commands<Msg> {
         let session = Session { participant_id: enrolled.participant_id, token: enrolled.token };
         let mut commands = self.begin_session(session);
         commands.push(Command::Forget(self.enrolment_name()));
@@ -144,7 +145,7 @@ impl Participant {
         commands
     }
 
-    pub(super) fn progress_arrived(&mut self, progress: Progress<Verbatim>) -> Commands<Msg> {
+    pub(super) fn progress_arrived(&mut self, progress: Progress<Unread>) -> Commands<Msg> {
         let mut commands = Vec::new();
         let is_first = self.plan.is_empty();
         if is_first && let Some(session) = &self.session {
@@ -158,21 +159,20 @@ impl Participant {
                 study.phases.iter().any(|config| config.phase == phase && config.feedback)
             })
         };
-        let planned = |(phase, scene): (&api::PlannedPhase<Verbatim>, &PlannedScene<Verbatim>)| {
-            PlannedTrial {
+        let planned =
+            |(phase, scene): (&api::PlannedPhase<Unread>, &PlannedScene<Unread>)| PlannedTrial {
                 phase: phase.phase,
                 show_danger_zone: phase.show_danger_zone,
                 feedback: feedback(phase.phase),
                 of_phase: phase.scenes.iter().filter(|scene| scene.attempt == 1).count(),
                 scene: scene.clone(),
-            }
-        };
+            };
         // Repeated attempts follow after all first attempts.
         let (first, further): (Vec<_>, Vec<_>) =
             progress.plan.scenes().map(planned).partition(|trial| trial.scene.attempt == 1);
         self.plan = first.into_iter().chain(further).collect();
         // The study got its robots after this page was loaded.
-        if self.robots.is_none() && self.plan.iter().any(|trial| trial.scene.policy.is_some()) {
+        if self.rules.is_none() && self.plan.iter().any(|trial| trial.scene.policy.is_some()) {
             self.stage = self.stuck("outdated");
             return Vec::new();
         }

@@ -41,8 +41,8 @@ impl Participant {
         if self.link.simulates() {
             // The goal follows from the start.
             picture.tell("data-scene", json::write(&scene.start()));
-            if let Some(policy) = &trial.scene.policy {
-                picture.tell("data-policy", policy.0.clone());
+            if let Some(rule) = self.rules.as_ref().and_then(|rules| rules.told(trial.id())) {
+                picture.tell("data-policy", rule);
             }
         }
         // In later phases, names beside moving vehicles would distract.

@@ -2,8 +2,8 @@
 
 use super::arena::Arena;
 use super::equipment::Equipment;
+use super::robots::Unread;
 use crate::drive::Drive;
-use crate::json::Verbatim;
 use serde::{Deserialize, Serialize};
 use sidestep::api::PlannedScene;
 use sidestep::scene::JointState;
@@ -24,7 +24,7 @@ pub(super) struct PlannedTrial {
     pub(super) feedback: bool,
     /// Number of scenes in the phase, not counting repeated attempts.
     pub(super) of_phase: usize,
-    pub(super) scene: PlannedScene<Verbatim>,
+    pub(super) scene: PlannedScene<Unread>,
 }
 
 impl PlannedTrial {
