@@ -231,7 +231,7 @@ mod tests {
         assert_eq!(of(&study), usual);
         study.robots.push(RobotPolicy { rule: Rule::Script, ..RobotPolicy::straight() });
         let [robot, why, when, right] = of(&study);
-        assert!(robot.contains("not always straight") && right.contains("does not avoid me"));
+        assert!(robot.contains("not always drive straight") && right.contains("does not avoid me"));
         assert_eq!(why, usual[1]);
         assert!(!when.contains("you will enter"), "{when}");
         study.robots.push(RobotPolicy { rule: Rule::Evades, ..RobotPolicy::straight() });
