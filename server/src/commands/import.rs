@@ -314,15 +314,13 @@ fn planned(
     let mut scene = Scene::new(parameters, start.human, start.robot);
     let last = trial.inputs.len().saturating_sub(1);
     let (inputs, states) = (&trial.inputs[..last], &trial.states[..=last]);
-    let mut candidates = study.robots.iter().map(|robot| {
-        let policy = Some(Box::new(robot.clone()));
-        Scene { policy, ..scene.clone() }
+    let candidates = study.robots.iter().filter_map(|robot| {
+        let candidate = Scene { policy: Some(Box::new(robot.clone())), ..scene.clone() };
+        let replay = verify(parameters, &candidate, inputs, states);
+        plausibility::is_rounding(parameters, last, &replay).then_some((replay.exact, candidate))
     });
-    let moves_it = |candidate: &Scene| {
-        let replay = verify(parameters, candidate, inputs, states);
-        plausibility::is_rounding(parameters, last, &replay)
-    };
-    if let Some(found) = candidates.find(moves_it) {
+    // An exact replay is better than one up to rounding.
+    if let Some((_, found)) = candidates.min_by_key(|(exact, _)| !exact) {
         scene = found;
         if let (Some(&input), Some(before)) = (trial.inputs.last(), states.last()) {
             let robot_radps = scene.robot_turn_rate(parameters, states);

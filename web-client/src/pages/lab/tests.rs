@@ -177,7 +177,9 @@ impl Session {
         [colours::HUMAN, colours::ROBOT].map(|colour| {
             let is_outline = |shape: &&Shape| match shape {
                 Shape::Path { pen: Some(pen), points, .. } => {
-                    pen.ink.colour == colour && pen.dash.is_some() && points.len() > 10
+                    // The dots of recorded paths are shorter than the dashes of level sets.
+                    let is_dashed = pen.dash.is_some_and(|[dash, _]| dash > 4.0);
+                    pen.ink.colour == colour && is_dashed && points.len() > 10
                 }
                 _ => false,
             };
