@@ -126,8 +126,8 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     }
     report::write(&analysis, draft.path()).map_err(|e| unwritable(&args.out, &e))?;
     let kept_or = |e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e));
-    // Delete the leakage.csv and behaviour_robots.csv of an earlier analysis in this folder. The other files of that analysis
-    // are replaced.
+    // Delete the leakage.csv and behaviour_robots.csv of an earlier analysis in this folder, which
+    // the new analysis may lack. The other files of that analysis are replaced.
     draft.keep(&["leakage.csv", "behaviour_robots.csv"], &interrupt.token).map_err(kept_or)?;
     // The folder is complete now. If an error occurs before this line, all computed fits stay cached.
     cache.forget_unused().map_err(|e| unwritable(&kept, &e))?;

@@ -142,8 +142,8 @@ impl<V: Serialize> Enrolment<V> {
     }
 }
 
-/// Response to an enrolment. `P` is the type of a robot's rule. The participant's page keeps it as
-/// text, because most participants meet only robots that drive straight.
+/// Response to an enrolment. `P` is the type of a robot's rule. The participant's page leaves it
+/// unread if it has no code for rules, because most participants meet only straight robots.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[cfg_attr(

@@ -476,7 +476,7 @@ mod tests {
                 continue;
             }
             let states = pursue(&scene);
-            // Decisions in steps instead of at every instant cost less than a tenth of a metre.
+            // Decisions in steps instead of at every instant cost less than 0.3 m.
             assert!(closest(&states) > 3.0 + level.min(1.0) - 0.3, "{} {level}", closest(&states));
             let psi = scene.robot.psi;
             turned += usize::from(states.iter().any(|s| wrap_angle(s.robot.psi - psi).abs() > 0.1));
