@@ -156,6 +156,13 @@ fn is_older([_, name, _, text]: &[String; 4]) -> bool {
     name == TABLE && columns.iter().all(|column| text.contains(column))
 }
 
+/// Whether this is a definition in `known` as it was before migration 17, which added one column. The
+/// migration of such a file still has to add it.
+fn is_former([_, name, _, text]: &[String; 4], known: &[Definition]) -> bool {
+    let before = |text: &str| text.replace(", policy TEXT", "").replace(", scene.policy", "");
+    known.iter().any(|it| it.words[1] == *name && before(&it.words[3]) == *text)
+}
+
 /// The rows of a schema that differ from `known`, each with its replacement. The replacement is the
 /// missing row with the same name or the same SQL text. If only one row differs, the replacement
 /// can also be a missing row of the same type, or the only missing row.
@@ -163,7 +170,9 @@ fn renewed(found: &[Definition], known: &[Definition]) -> Vec<(i64, [String; 4])
     let is_known = |words: &[String; 4]| known.iter().any(|known| known.words == *words);
     let is_missing = |known: &[String; 4]| found.iter().all(|found| found.words != *known);
     let missing: Vec<_> = known.iter().map(|it| &it.words).filter(|it| is_missing(it)).collect();
-    let odd = found.iter().filter(|it| !is_known(&it.words) && !is_older(&it.words));
+    let odd = found
+        .iter()
+        .filter(|it| !is_known(&it.words) && !is_older(&it.words) && !is_former(&it.words, known));
     let odd: Vec<_> = odd.collect();
     let was = |[kind, name, _, text]: &[String; 4]| {
         let same_name = missing.iter().find(|it| it[1] == *name);
